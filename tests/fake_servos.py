@@ -21,7 +21,6 @@ from enum import Enum, auto
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings, EffortFeedback
 from armload_drivers.cia402.axis_brakes import HELD_RAD, HOLDING_WATCH_S, axis_moves
 from armload_drivers.cia402.axis_course import axis_courses, loop_lost
@@ -31,6 +30,7 @@ from armload_drivers.cia402.state_machine import POWERED, State
 from armload_drivers.driver_errors import ServoFault, ServoTimeout, SimulationError, StateError
 from armload_drivers.servos import JointCommand, JointFeedback
 from armload_drivers.simulation.mujoco_plant import ArmPlant, PlantSample
+from armload_identification.float_array import FloatArray
 
 QUICK_STOP_S = 0.2
 """Duration of a drive's quick stop ramp."""

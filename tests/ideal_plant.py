@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
 from armload_drivers.simulation.plant_interface import AxisSample, EncoderFault
+from armload_identification.float_array import FloatArray
 
 
 class IdealPlant:

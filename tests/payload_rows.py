@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
 from armload_identification.estimation.arm_rows import ArmLayout, ArmRows
 from armload_identification.estimation.arm_terms import GAIN, LAWS, LINKS, PAYLOAD, payload_term
 from armload_identification.estimation.payload_from_posterior import PayloadEstimate
@@ -15,6 +14,7 @@ from armload_identification.estimation.prior_knowledge import Prior
 from armload_identification.estimation.problem import Group, Noise, Problem, RunRows
 from armload_identification.estimation.solve import solve
 from armload_identification.estimation.term_kinds import Load, Scope, Term
+from armload_identification.float_array import FloatArray
 from armload_identification.model.regressor import PARAMETERS
 
 ROW_S = 0.1

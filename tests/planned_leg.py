@@ -9,7 +9,7 @@ import numpy as np
 from armload_controller.motion.leg_interpolator import LegInterpolator, along
 from armload_controller.motion.motion_control import MotionControl
 from armload_controller.motion.phase import Leg, PhaseState, Segment
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -30,12 +30,12 @@ from armload_controller.feedforward.feedforward_plugin import FeedforwardPlugin
 from armload_controller.motion.leg_interpolator import Reference
 from armload_controller.motion.phase import PhaseState, Segment
 from armload_controller.session.feedforward_comparison import LOADED_SHARE
-from armload_core.arrays import FloatArray
 from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.calibration.mounted_runs import MountedRun, WeighedPayload
 from armload_identification.contact.watched_payload import WatchedPayload
+from armload_identification.float_array import FloatArray
 from armload_identification.model.payload import InertialParameters, PayloadResult, Provenance
 from armload_identification.model.regressor import payload_torque
 from armload_identification.recording.recording import Recording, RecordingSource

@@ -19,9 +19,9 @@ from itertools import cycle, islice, product
 import numpy as np
 
 from armload_controller.config.robot import Robot, load_robot
-from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.calibration.mounted_runs import MountedRun, WeighedPayload
+from armload_identification.float_array import FloatArray
 from armload_identification.pipeline.identification_result import Identification
 from armload_identification.recording.file_reading import read_recording_file
 from armload_identification.recording.reading_options import ReadingOptions

@@ -19,7 +19,7 @@ import numpy as np
 
 from armload_controller.config.robot import load_robot
 from armload_controller.config.robot_simulation import HARSH_GAIN_ERROR
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.pipeline.recursive_estimator import PayloadEstimator
 from benchmarks.accuracy.simulated_motion import (
     ARMS,

@@ -23,11 +23,11 @@ from itertools import product
 import numpy as np
 
 from armload_controller.config.robot import Robot, load_robot
-from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import EffortFeedback
 from armload_identification.calibration.calibration_result import COLD
 from armload_identification.calibration.mounted_runs import MountedRun, WeighedPayload
 from armload_identification.estimation.estimation_constants import Drift
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import IdentificationError
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import PARAMETER_NAMES

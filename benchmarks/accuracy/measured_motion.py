@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_controller.config.robot import Robot, load_robot
-from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.calibration.mounted_runs import MountedRun, WeighedPayload
+from armload_identification.float_array import FloatArray
 from armload_identification.pipeline.any_motion import identify_windows
 from armload_identification.pipeline.payload_identification import identify_runs
 from armload_identification.pipeline.recursive_estimator import PayloadEstimator

@@ -15,7 +15,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from armload_controller.config.robot import load_robot
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import IdentificationError
 from armload_identification.model.chain import Chain
 from armload_identification.pipeline.payload_identification import identify_runs

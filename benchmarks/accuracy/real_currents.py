@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from armload_controller.config.robot import Robot, load_robot
-from armload_core.arrays import FloatArray
 from armload_identification.calibration.mounted_runs import WeighedPayload
+from armload_identification.float_array import FloatArray
 from armload_identification.model.payload import SMALLEST_MARGIN, InertialParameters
 from armload_identification.model.regressor import payload_torque
 from armload_identification.pipeline.identification_result import Identification

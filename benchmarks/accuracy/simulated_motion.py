@@ -22,9 +22,9 @@ from scipy.stats import binom
 
 from armload_controller.config.robot import Robot, load_robot
 from armload_controller.config.robot_simulation import HARSH_GAIN_ERROR
-from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.calibration.mounted_runs import MountedRun, WeighedPayload
+from armload_identification.float_array import FloatArray
 from armload_identification.model.smooth_sign import smooth_sign
 from armload_identification.pipeline.any_motion import identify_windows
 from armload_identification.pipeline.recursive_estimator import PayloadEstimator

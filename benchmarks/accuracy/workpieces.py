@@ -19,13 +19,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armload_controller.config.robot import load_robot
-from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import EffortFeedback
 from armload_drivers.simulation.plant_spec import RigidBody
 from armload_identification.calibration.calibration_result import COLD
 from armload_identification.calibration.mounted_runs import WeighedPayload
 from armload_identification.estimation.arm_terms import WITHIN_HOURS
 from armload_identification.estimation.payload_from_posterior import gear_asymmetry
+from armload_identification.float_array import FloatArray
 from armload_identification.model.payload import InertialParameters, PayloadResult, Provenance
 from armload_identification.pipeline.identification_result import payload_result
 from armload_identification.pipeline.payload_validation import gains_to_compare_by

@@ -16,10 +16,10 @@ from math import cos, radians, sin
 import numpy as np
 
 from armload_controller.config.robot import Robot
-from armload_core.arrays import FloatArray
 from armload_drivers.simulation.mujoco_plant import ArmPlant, PlantSample
 from armload_drivers.simulation.plant_interface import EncoderFault
 from armload_drivers.simulation.plant_spec import PlantSpec
+from armload_identification.float_array import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates
 from armload_identification.model.payload import InertialParameters

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 
 
 def cache_directory() -> Path:

@@ -18,8 +18,8 @@ import numpy as np
 import pinocchio as pin
 from scipy.signal import lfilter
 
-from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
+from armload_identification.float_array import FloatArray
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters
 from armload_identification.recording.recording import Recording

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import ArmSettings, EffortFeedback
 from armload_drivers.cia402.process_data.drive_units import ArmUnits
 from armload_drivers.simulation.mujoco_plant import NOISE_CYCLE_S
 from armload_identification.excitation.fourier import Excitation
+from armload_identification.float_array import FloatArray
 from armload_identification.recording.recording import Recording, RecordingSource
 from benchmarks.arms.steady_state import SteadyPeriod
 

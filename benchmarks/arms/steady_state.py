@@ -31,13 +31,13 @@ import armload_identification.excitation.fourier
 from armload_controller.motion.joint_limits import MotionLimits
 from armload_controller.motion.phase import Segment
 from armload_controller.motion.setpoints import plan_measured, plan_slow
-from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.cia402.process_data.drive_units import ArmUnits
 from armload_drivers.simulation.mujoco_model import build_model
 from armload_drivers.simulation.plant_spec import PlantSpec
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.excitation.geometry.cartesian_speed import SpeedLimit
+from armload_identification.float_array import FloatArray
 from benchmarks.arms import streamed_arm
 from benchmarks.arms.period_cache import cache_directory, cached, fingerprint
 from benchmarks.arms.streamed_arm import noiseless, streamed

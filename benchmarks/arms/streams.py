@@ -7,7 +7,7 @@ from ruckig import InputParameter, Result, Ruckig, Synchronization, Trajectory
 
 from armload_controller.config.robot import Robot
 from armload_controller.control_errors import ControlError
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.recording.recording import Recording
 from benchmarks.arms.simulated_recordings import DriveScales
 from benchmarks.arms.streamed_arm import Stream

@@ -18,10 +18,10 @@ from multiprocessing import get_context
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.calibration.mounted_runs import WeighedPayload
 from armload_identification.files.payload_file import format_payload, parse_payload
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import IdentificationError, PayloadFileError
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters, Provenance

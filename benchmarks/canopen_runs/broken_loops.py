@@ -31,7 +31,6 @@ from armload_controller.motion.motion_control import MotionControl
 from armload_controller.session.run_session import feedback_truth, torque_window
 from armload_controller.session.session_load import SessionLoad
 from armload_core import kernels
-from armload_core.arrays import FloatArray
 from armload_drivers.canopen.canopen_servos import CanopenServos
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.state_machine import POWERED, state_in
@@ -45,6 +44,7 @@ from armload_drivers.simulation.plant_interface import FROZEN, REVERSED, Encoder
 from armload_drivers.simulation.plant_spec import PlantSpec
 from armload_drivers.simulation.virtual_clock import VirtualClock
 from armload_identification.excitation.fourier import Excitation
+from armload_identification.float_array import FloatArray
 from benchmarks.arms.trials import workers
 from tests.fake_servos import FakeServos
 

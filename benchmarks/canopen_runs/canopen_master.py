@@ -13,13 +13,13 @@ import canopen
 import numpy as np
 from canopen.objectdictionary import ODRecord, ODVariable, datatypes
 
-from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import ArmSettings, EffortFeedback
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
 from armload_drivers.simulation.lockstep_bus import LockstepBus, LockstepWire
 from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_drivers.simulation.plant_spec import PlantSpec
 from armload_drivers.simulation.virtual_clock import VirtualClock
+from armload_identification.float_array import FloatArray
 
 _U8, _U16, _U32 = datatypes.UNSIGNED8, datatypes.UNSIGNED16, datatypes.UNSIGNED32
 _OBJECTS = {

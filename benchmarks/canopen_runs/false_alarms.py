@@ -30,13 +30,13 @@ from armload_controller.cycle.slow_round_torque import SlowRoundRows
 from armload_controller.motion.checked_path import check_path
 from armload_controller.session.run_session import feedback_truth, no_operator, run_session, torque_window
 from armload_controller.session.session_load import SessionLoad
-from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import EffortFeedback
 from armload_drivers.cia402.process_data.drive_units import ArmUnits
 from armload_drivers.servos import JointFeedback, JointServos
 from armload_drivers.simulation.mujoco_plant import NOISE_CYCLE_S, ArmPlant, PlantSample
 from armload_drivers.simulation.plant_spec import PlantSpec
 from armload_identification.excitation.fourier import Excitation
+from armload_identification.float_array import FloatArray
 from benchmarks.arms.setups import Twin, twin_spec
 from benchmarks.arms.trials import workers
 from tests.fake_servos import FakeServos

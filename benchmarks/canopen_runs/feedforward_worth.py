@@ -28,11 +28,11 @@ from numpy.typing import NDArray
 
 from armload_controller.config.robot import Robot, load_robot
 from armload_controller.session.feedforward_comparison import LOADED_SHARE
-from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import EffortFeedback
 from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_drivers.simulation.plant_spec import PlantSpec
 from armload_drivers.simulation.servo_loops import INTEGRAL_TIME_S, POSITION_GAIN_1_S
+from armload_identification.float_array import FloatArray
 from armload_identification.model.chain import Chain
 from armload_identification.model.regressor import payload_torque
 from armload_identification.model.smooth_sign import smooth_sign

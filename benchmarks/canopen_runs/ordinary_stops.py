@@ -16,7 +16,6 @@ import numpy as np
 
 from armload_controller.control_errors import ControlError
 from armload_controller.cycle.plugins import CycleStep
-from armload_core.arrays import FloatArray
 from armload_drivers.canopen.canopen_servos import CanopenServos
 from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.driver_errors import BusError
@@ -26,6 +25,7 @@ from armload_drivers.simulation.lockstep_sync import LockstepSync
 from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_drivers.simulation.plant_spec import PlantSpec
 from armload_drivers.simulation.virtual_clock import VirtualClock
+from armload_identification.float_array import FloatArray
 from benchmarks.arms.setups import Twin, twin_spec
 from benchmarks.arms.trials import workers
 from benchmarks.canopen_runs.broken_loops import LEGS, ROBOTS, arm_and_path, moved

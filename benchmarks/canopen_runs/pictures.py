@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 import armload
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.numerals import NO_BREAK
 from armload_identification.report.payload_in_words import mass_card
 from armload_identification.results.findings import Findings

@@ -18,12 +18,12 @@ from armload_controller.motion.checked_path import CheckedPath, check_path
 from armload_controller.motion.phase import Segment
 from armload_controller.session.run_session import ServosFactory, no_operator, run_session
 from armload_controller.session.session_load import SessionLoad
-from armload_core.arrays import FloatArray
 from armload_drivers.servos import JointServos
 from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_drivers.simulation.plant_spec import PlantSpec
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.excitation.geometry.cartesian_speed import ArmPoints
+from armload_identification.float_array import FloatArray
 from benchmarks.arms.setups import Twin, twin_spec
 from tests.fake_servos import FakeServos
 

@@ -27,7 +27,6 @@ from armload_controller.motion.motion_control import MotionControl, OperatorStop
 from armload_controller.motion.paths import BlockedWay
 from armload_controller.motion.phase import Segment
 from armload_controller.session.run_session import feedback_truth
-from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.driver_errors import (
     BusError,
@@ -44,6 +43,7 @@ from armload_drivers.servos import JointCommand, JointFeedback
 from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_drivers.simulation.plant_interface import REVERSED
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
+from armload_identification.float_array import FloatArray
 from tests.fake_servos import FailureKind, FakeServos, ScriptedFailure
 
 AT_S = 1.3

@@ -24,11 +24,11 @@ import numpy as np
 from armload_controller.analysis.robot_calibration import calibrate_from_runs
 from armload_controller.config.robot import Robot, load_robot
 from armload_controller.config.robot_runs import read_runs
-from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.contact.force_watch import ForceEvent, ForceEventKind
 from armload_identification.contact.watched_payload import WatchedPayload
 from armload_identification.files.calibration_file import read_calibration
+from armload_identification.float_array import FloatArray
 from armload_identification.model.payload import InertialParameters
 from armload_identification.model.regressor import payload_regressor
 from armload_identification.pipeline.estimator_constants import estimator_constants

@@ -24,8 +24,8 @@ from armload_controller.config.robot import Robot, load_robot
 from armload_controller.config.robot_runs import read_runs
 from armload_controller.session.bus_watch import BusWatch, recorder_of
 from armload_controller.session.joint_feeds import ros2_feed
-from armload_core.arrays import FloatArray
 from armload_identification.files.calibration_file import write_calibration
+from armload_identification.float_array import FloatArray
 from armload_identification.recording.file_reading import read_recording_file
 from armload_identification.recording.reading_options import Effort, ReadingOptions
 

@@ -19,9 +19,9 @@ from typing import Final
 import numpy as np
 
 from armload_controller.config.robot import load_robot
-from armload_core.arrays import FloatArray
 from armload_identification.contact.force_watch import ForceEventKind
 from armload_identification.contact.watched_payload import WatchedPayload
+from armload_identification.float_array import FloatArray
 from benchmarks.accuracy.simulated_motion import (
     ARMS,
     BEGINNINGS,

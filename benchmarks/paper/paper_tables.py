@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.model.payload import PARAMETER_NAMES, InertialParameters, derived
 from benchmarks.arms.trials import Trial
 from benchmarks.paper import published

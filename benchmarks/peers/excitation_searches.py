@@ -21,7 +21,7 @@ from rich.console import Console
 from rich.table import Table
 
 from armload_controller.config.robot import load_robot
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from benchmarks.accuracy.real_currents import FOLDER
 from benchmarks.peers.peer_environment import PEERS_PYTHON
 from benchmarks.peers.peer_programs import answer_of, lines_of, without_meshes

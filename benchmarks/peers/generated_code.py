@@ -27,8 +27,8 @@ from armload_controller.export.straight_line.expressions import Operations
 from armload_controller.export.straight_line.precision import Precision
 from armload_controller.feedforward.payload_feedforward import PayloadFeedforward
 from armload_controller.motion.joint_limits import MotionLimits
-from armload_core.arrays import FloatArray
 from armload_core.c_compiler import c_compiler
+from armload_identification.float_array import FloatArray
 from armload_identification.model.payload import InertialParameters, PayloadResult, Provenance
 from benchmarks.arms import sagging_panda
 from benchmarks.peers.peer_environment import PEERS_PYTHON

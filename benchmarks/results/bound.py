@@ -14,8 +14,8 @@ from typing import Final
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
 from armload_drivers.simulation.mujoco_plant import NOISE_CYCLE_S
+from armload_identification.float_array import FloatArray
 from armload_identification.model.payload import InertialParameters, derived
 from armload_identification.model.regressor import payload_regressor
 from armload_identification.pipeline.identification_result import Identification

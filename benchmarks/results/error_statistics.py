@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.model.payload import SMALLEST_MARGIN, InertialParameters
 from benchmarks.arms.trials import Trial
 from benchmarks.results.bound import paper_values

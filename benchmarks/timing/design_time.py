@@ -23,13 +23,13 @@ from threadpoolctl import threadpool_limits
 
 from armload_controller.analysis.robot_excitation import POSITION_MARGIN_RAD, RATE_SHARE, TORQUE_SHARE
 from armload_controller.config.robot import Robot, load_robot
-from armload_core.arrays import FloatArray
 from armload_identification.excitation.design import DesignResult, optimal_excitation
 from armload_identification.excitation.design_envelope import CLEARANCE_SCALE_M, Envelope
 from armload_identification.excitation.design_search import PeriodRange, SearchSettings
 from armload_identification.excitation.fourier import FourierTrajectory, fourier_basis
 from armload_identification.excitation.geometry.workspace import Workspace
 from armload_identification.excitation.information import condition_number, named_criterion
+from armload_identification.float_array import FloatArray
 from benchmarks.timing.regressor_time import ORDER, pinocchio_model
 
 ROBOT = "er50"

@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from armload_core import kernels
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.model.chain import Chain
 
 JOINTS = (3, 4, 6, 7, 10, 16)

@@ -18,9 +18,9 @@ import numpy as np
 from armload_controller.config.robot import Robot, load_robot
 from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.motion.phase import Segment
-from armload_core.arrays import FloatArray
 from armload_drivers.servos import JointCommand, JointFeedback
 from armload_identification.files.calibration_file import write_calibration
+from armload_identification.float_array import FloatArray
 from benchmarks.accuracy.simulated_motion import calibration_of, empty_stream, scales_of, signals_of
 from benchmarks.arms.setups import Twin
 from benchmarks.arms.streams import as_recorded

@@ -12,12 +12,13 @@ and leaves the arm at standstill without torque. While no drive is enabled, `sta
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_core.arrays import FloatArray
+FloatArray: TypeAlias = NDArray[np.float64]
+"""An array of float64; shape and unit are where it is used."""
 
 
 class JointCommand(NamedTuple):

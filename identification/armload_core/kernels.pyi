@@ -6,10 +6,12 @@ the array `out` or as named. States q, dq, ddq are (N, n) in rad, rad/s, rad/s2;
 one of another shape.
 """
 
+from typing import TypeAlias
+
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_core.arrays import FloatArray
+FloatArray: TypeAlias = NDArray[np.float64]
 
 MOST_JOINTS: int
 """Greatest number of joints of a chain."""

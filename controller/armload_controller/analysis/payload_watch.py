@@ -14,11 +14,11 @@ from armload_controller.analysis.payload_events import PayloadEvent, PayloadEven
 from armload_controller.analysis.stated_drift import NOTHING_STATED, StatedDrift
 from armload_controller.config.objects_or_paths import FilePath, arm_of
 from armload_controller.config.robot_recordings import MeasuredArm
-from armload_core.arrays import FloatArray
 from armload_drivers.listening.overheard_arm import ToldPayload
 from armload_identification.argument_types import path_of, require_type
 from armload_identification.contact.force_watch import Force
 from armload_identification.contact.watched_payload import WatchedPayload
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import RecordingError
 from armload_identification.pipeline.recursive_estimator import LivePayload
 from armload_identification.recording.garbage_rows import GarbageFilter

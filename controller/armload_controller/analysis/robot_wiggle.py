@@ -15,13 +15,13 @@ from armload_controller.config.robot import Robot
 from armload_controller.control_errors import ConfigurationError
 from armload_controller.motion.checked_path import CheckedPath, check_path
 from armload_controller.motion.slow_round_pace import PLANNED_SPEED_M_S
-from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.estimation.payload_intervals import NORMAL_HALF_WIDTH
 from armload_identification.excitation.design_envelope import Envelope
 from armload_identification.excitation.fourier import MASS_CRITERION, Excitation
 from armload_identification.excitation.geometry.cartesian_speed import SpeedLimit
 from armload_identification.excitation.information import condition_number
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import ExcitationError
 from armload_identification.pipeline.mass_prospect import MassProspect
 from armload_identification.pipeline.wiggle import Wiggle, WiggleSearch

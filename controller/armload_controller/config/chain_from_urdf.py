@@ -28,8 +28,8 @@ from xml.etree import ElementTree
 import numpy as np
 
 from armload_controller.config.urdf_tree import UrdfJoint, UrdfTree, read_urdf_tree
-from armload_core.arrays import FloatArray
 from armload_identification.argument_types import path_of
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import ModelError, RecordingError
 from armload_identification.model.chain import Chain
 from armload_identification.model.dynamics import ArmBody

@@ -29,11 +29,11 @@ from armload_controller.config.tables.drive_tables import VIRTUAL, BusTable
 from armload_controller.config.tables.robot_file import RobotFile
 from armload_controller.config.urdf_tree import is_urdf
 from armload_controller.control_errors import CommissioningError, ConfigurationError
-from armload_core.arrays import FloatArray
 from armload_identification.argument_types import path_of
 from armload_identification.excitation.excitation_file import read_excitation
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.excitation.geometry.workspace import Workspace
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import IdentificationError, ModelError
 from armload_identification.storage.regular_file import require_regular
 from armload_identification.storage.strict_toml import BadValue, read_toml, toml_values, validated

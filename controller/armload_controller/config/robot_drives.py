@@ -13,11 +13,11 @@ from armload_controller.config.drive_profiles import read_profile
 from armload_controller.config.robot_source import RobotSource
 from armload_controller.config.tables.drive_tables import OF_THE_JOINT
 from armload_controller.config.tables.joint_table import JointTable
-from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import ArmSettings, Fieldbus
 from armload_drivers.cia402.bus_budget import require_room
 from armload_drivers.cia402.drive_safety import Safety
 from armload_drivers.driver_errors import BusOverload, DescriptionError
+from armload_identification.float_array import FloatArray
 from armload_identification.signals.joint_torque import Transmission
 
 if TYPE_CHECKING:

@@ -9,9 +9,9 @@ import numpy as np
 from armload_controller.config.robot_source import RobotSource
 from armload_controller.config.tables.joint_table import JointTable
 from armload_controller.motion.joint_limits import MotionLimits
-from armload_core.arrays import FloatArray
 from armload_identification.excitation.design_envelope import ExcitationLimits
 from armload_identification.excitation.geometry.cartesian_speed import ArmPoints, SpeedLimit
+from armload_identification.float_array import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

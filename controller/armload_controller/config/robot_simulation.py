@@ -10,8 +10,8 @@ import numpy as np
 
 from armload_controller.config.robot_source import RobotSource
 from armload_controller.config.tables.body_tables import PayloadTable
-from armload_core.arrays import FloatArray
 from armload_drivers.simulation.plant_spec import PlantSpec, PlantVariant, RigidBody, ScheduledPayload
+from armload_identification.float_array import FloatArray
 from armload_identification.model.payload import InertialParameters
 
 NO_PAYLOAD = "none"

@@ -10,8 +10,8 @@ import numpy as np
 from armload_controller.config.robot_payloads import RobotPayloads
 from armload_controller.config.robot_source import RobotSource
 from armload_controller.motion.expected_torque import ExpectedTorque
-from armload_core.arrays import FloatArray
 from armload_identification.excitation.torque_limits import TorqueLimits
+from armload_identification.float_array import FloatArray
 from armload_identification.model.dynamics import ArmBody
 
 ROUNDED_SHARE = 1e-3

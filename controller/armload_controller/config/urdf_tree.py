@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from msgspec import Struct
 
 from armload_controller.control_errors import ConfigurationError
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.model.chain import pose_from_xyz_rpy
 from armload_identification.storage.regular_file import read_whole
 

@@ -28,9 +28,9 @@ from armload_controller.motion.leg_interpolator import LegInterpolator, Referenc
 from armload_controller.motion.motion_control import MotionControl, PluginStop
 from armload_controller.motion.phase import PhaseState, Segment
 from armload_controller.motion.setpoints import RuckigFollower
-from armload_core.arrays import FloatArray
 from armload_drivers.driver_errors import DriverError, LoopLost
 from armload_drivers.servos import JointCommand, JointFeedback, JointServos
+from armload_identification.float_array import FloatArray
 
 PATH_TOLERANCE_RAD = 1e-4
 """Greatest distance between plan and command: the arm may only move where the path was checked."""

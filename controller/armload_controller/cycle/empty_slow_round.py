@@ -21,7 +21,7 @@ from math import acos, degrees, log
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 
 SPEED_SHARE = 0.05
 """Share of a joint's greatest speed at which friction reaches most of its value."""

@@ -9,8 +9,8 @@ import numpy as np
 from armload_controller.control_errors import ControlError
 from armload_controller.cycle.plugins import CycleStep
 from armload_controller.motion.joint_limits import MotionLimits
-from armload_core.arrays import FloatArray
 from armload_drivers.servos import JointFeedback
+from armload_identification.float_array import FloatArray
 
 
 class FollowingError(ControlError):

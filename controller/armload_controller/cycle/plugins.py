@@ -18,8 +18,8 @@ import numpy as np
 
 from armload_controller.control_errors import ControlError
 from armload_controller.motion.leg_interpolator import Reference
-from armload_core.arrays import FloatArray
 from armload_drivers.servos import JointCommand, JointFeedback
+from armload_identification.float_array import FloatArray
 
 BUDGET_SHARE = 0.5
 """Share of the cycle that one call of a plug-in may take."""

@@ -27,8 +27,8 @@ from armload_controller.cycle.lateness import Lateness
 from armload_controller.cycle.plugins import CycleStep
 from armload_controller.motion.leg_interpolator import Reference
 from armload_controller.motion.phase import Segment
-from armload_core.arrays import FloatArray
 from armload_drivers.servos import JointCommand, JointFeedback
+from armload_identification.float_array import FloatArray
 from armload_identification.recording.run_format import (
     EVENT_SCHEMA_NAME,
     EVENTS_TOPIC,

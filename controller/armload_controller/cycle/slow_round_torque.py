@@ -28,7 +28,7 @@ from armload_controller.cycle.empty_slow_round import CORRELATED_ROWS, SPEED_SHA
 from armload_controller.cycle.feedback_truth import TorqueMissing, TorqueReversed
 from armload_controller.cycle.plugins import CycleStep
 from armload_controller.motion.phase import Segment
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.model.chain import Chain
 from armload_identification.model.regressor import payload_regressor
 from armload_identification.signals.joint_torque import Transmission

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 
 TORQUE_SHARE = 0.8
 """Share of a joint's greatest torque that may be added; the rest is the servo's margin."""

@@ -7,8 +7,8 @@ import numpy as np
 from armload_controller.control_errors import ControlError
 from armload_controller.cycle.plugins import CycleStep
 from armload_controller.motion.expected_torque import ExpectedTorque
-from armload_core.arrays import FloatArray
 from armload_drivers.servos import JointFeedback
+from armload_identification.float_array import FloatArray
 from armload_identification.signals.joint_torque import Transmission
 
 TORQUE_FILTER_S = 0.02

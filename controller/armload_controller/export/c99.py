@@ -47,7 +47,7 @@ from armload_controller.export.straight_line.planar_groups import planar_groups
 from armload_controller.export.straight_line.precision import Precision
 from armload_controller.export.template import filled, written
 from armload_controller.export.text_format import c_heading, comment, exact, provenance, spdx
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.model.payload import PARAMETER_NAMES
 from armload_identification.recording.reading_options import Effort
 

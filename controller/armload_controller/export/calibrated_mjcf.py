@@ -27,9 +27,9 @@ from armload_controller.export.calibrated_urdf import arm_comment, further_frict
 from armload_controller.export.exported_payload import identifier_of
 from armload_controller.export.mjcf import mjcf_inertial
 from armload_controller.export.text_format import ascii_line, exact, exact_numbers
-from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.calibration.possible_links import PossibleLinks
+from armload_identification.float_array import FloatArray
 from armload_identification.model.payload import InertialParameters
 
 

@@ -21,9 +21,9 @@ from armload_controller.config.robot import Robot
 from armload_controller.export.exported_payload import identifier_of
 from armload_controller.export.text_format import ascii_line, exact, exact_numbers, xml_comment
 from armload_controller.export.urdf import inertial_lines
-from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.calibration.possible_links import PossibleLinks
+from armload_identification.float_array import FloatArray
 from armload_identification.model.chain import rpy_rad
 from armload_identification.model.payload import InertialParameters
 

@@ -15,8 +15,8 @@ from armload_controller.cycle.torque_gate import FULL_SWING_S
 from armload_controller.export.licence import DEFAULT_LICENCE
 from armload_controller.feedforward.payload_use import why_not_usable
 from armload_controller.motion.joint_limits import MotionLimits
-from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
+from armload_identification.float_array import FloatArray
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import PayloadResult
 from armload_identification.pipeline.estimator_constants import EstimatorConstants, estimator_constants

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.model.payload import PARAMETER_NAMES, TENSOR_ELEMENTS, PayloadResult
 
 TENSOR = TENSOR_ELEMENTS

@@ -26,9 +26,9 @@ from armload_controller.control_errors import ExportError
 from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.template import written
 from armload_controller.export.text_format import ascii_line, bracketed, provenance
-from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.contact.contact_levels import JERK, STOPPING
+from armload_identification.float_array import FloatArray
 from armload_identification.model.regressor import payload_torque
 from armload_identification.signals.signal_constants import RowMean
 

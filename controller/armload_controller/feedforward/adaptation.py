@@ -26,9 +26,9 @@ from numpy.typing import NDArray
 from armload_controller.cycle.plugins import CycleStep
 from armload_controller.feedforward.adaptation_rules import AdaptationRules, carried_body, mass_and_center
 from armload_controller.feedforward.feedforward_plugin import FeedforwardPlugin
-from armload_core.arrays import FloatArray
 from armload_identification.contact.force_watch import Force
 from armload_identification.contact.watched_payload import WatchedPayload
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import EstimationError
 from armload_identification.model.payload import FLANGE, InertialParameters, PayloadResult, Provenance
 from armload_identification.pipeline.recursive_estimator import LivePayload

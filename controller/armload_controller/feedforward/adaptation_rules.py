@@ -23,8 +23,8 @@ from typing import Final
 import numpy as np
 
 from armload_controller.control_errors import ControlError
-from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
+from armload_identification.float_array import FloatArray
 from armload_identification.model.payload import REFERENCE_LENGTH_M, InertialParameters
 from armload_identification.pipeline.recursive_estimator import LivePayload
 from armload_identification.verdict.decision_levels import ColdArm

@@ -25,7 +25,7 @@ from armload_controller.feedforward.body_torque import ArmTerm
 from armload_controller.feedforward.offset_check import OffsetCheck, OffsetVerdict
 from armload_controller.feedforward.payload_feedforward import NOTHING, PayloadFeedforward
 from armload_controller.feedforward.payload_use import why_not_usable
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters, PayloadResult
 

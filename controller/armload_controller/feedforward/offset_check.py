@@ -25,7 +25,7 @@ from armload_controller.control_errors import OffsetRefused
 from armload_controller.cycle.plugins import CycleStep
 from armload_controller.cycle.torque_monitor import measured_torque
 from armload_controller.motion.checked_path import CheckedPath
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters
 from armload_identification.model.regressor import payload_torque

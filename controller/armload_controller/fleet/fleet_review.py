@@ -31,7 +31,7 @@ import numpy as np
 from scipy.stats import norm, t
 
 from armload_controller.fleet.arm_runs import IN_FUTURE, PER_PAYLOAD, UNITS, ArmRun, Quantity
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.recording.run_start import STATED_BY
 from armload_identification.result_table import PrintedResult, ResultTable
 from armload_identification.signals.robust_scale import deviation_by_median

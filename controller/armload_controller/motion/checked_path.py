@@ -34,8 +34,8 @@ from armload_controller.motion.paths import BlockedWay, LinePath, PhaseLimits
 from armload_controller.motion.phase import Leg
 from armload_controller.motion.setpoints import plan_approach, plan_measured, plan_slow
 from armload_controller.motion.way_round import find_way
-from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import Excitation
+from armload_identification.float_array import FloatArray
 
 STANDING_RAD = 1e-9
 """Within this distance of its target the arm has arrived."""

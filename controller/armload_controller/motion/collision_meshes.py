@@ -23,9 +23,9 @@ from typing import Any
 import numpy as np
 
 from armload_controller.motion.urdf_geometry import load_urdf_geometry
-from armload_core.arrays import FloatArray
 from armload_identification.excitation.derivative_bounds import rate_bounds
 from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from armload_core import kernels
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.model.chain import Chain
 from armload_identification.model.dynamics import ArmBody, ArmDynamics
 from armload_identification.model.payload import InertialParameters

@@ -18,10 +18,10 @@ from armload_controller.motion.joint_limits import RELATIVE_TOLERANCE, LimitViol
 from armload_controller.motion.motion_constraints import MotionConstraints
 from armload_controller.motion.paths import LinePath, PhaseLimits
 from armload_controller.motion.phase import Leg
-from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import FourierBounds, FourierState, FourierTrajectory
 from armload_identification.excitation.geometry.cartesian_speed import ArmPoints, SpeedLimit
 from armload_identification.excitation.torque_limits import TorqueLimits
+from armload_identification.float_array import FloatArray
 
 RAMP_SAMPLES = 1024
 """Samples of a period, for each harmonic, at which the torque of ramps is computed."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from armload_controller.control_errors import ControlError
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 
 RELATIVE_TOLERANCE = 1e-9
 """Rounding error allowed beyond a limit, as a share of it; for a position limit as a share of the joint's range."""

@@ -28,7 +28,7 @@ from armload_controller.motion.phase import (
     ramp_to_rate,
     ramp_to_rest_at,
 )
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 
 CHUNK = 32
 """Rows evaluated at once."""

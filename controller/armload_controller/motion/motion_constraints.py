@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from armload_controller.motion.joint_limits import MotionLimits
 from armload_controller.motion.obstacles import Obstacles
 from armload_controller.motion.slow_round_pace import REDUCED_SPEED_M_S
-from armload_core.arrays import FloatArray
 from armload_identification.excitation.geometry.cartesian_speed import ArmPoints, SpeedLimit
 from armload_identification.excitation.torque_limits import TorqueLimits
+from armload_identification.float_array import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

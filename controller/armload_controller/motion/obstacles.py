@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.excitation.geometry.workspace import Workspace
+from armload_identification.float_array import FloatArray
 
 if TYPE_CHECKING:
     from armload_controller.motion.collision_meshes import Meshes

@@ -19,9 +19,9 @@ from numpy.typing import ArrayLike
 
 from armload_controller.control_errors import ControlError
 from armload_controller.motion.joint_limits import MotionLimits
-from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import FourierBounds, FourierState, FourierTrajectory
 from armload_identification.excitation.geometry.cartesian_speed import ArmPoints, SpeedLimit
+from armload_identification.float_array import FloatArray
 
 PLANNED_SHARE = 0.98
 """Share of a speed limit that approaches and slow rounds are planned with: a servo may overshoot its setpoints."""

@@ -25,9 +25,9 @@ from armload_controller.motion.joint_limits import MotionLimits
 from armload_controller.motion.paths import InfeasibleMotion, LinePath, bound_phase
 from armload_controller.motion.phase import Leg, PhaseState, Segment, ramp_to_rate
 from armload_controller.motion.slow_round_pace import reduced_pace
-from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.excitation.geometry.cartesian_speed import SpeedLimit
+from armload_identification.float_array import FloatArray
 
 CYCLE_ROUNDING = 1e-6
 """Share of a cycle by which a period may differ from a whole number of cycles."""

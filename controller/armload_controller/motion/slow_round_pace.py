@@ -25,9 +25,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armload_controller.motion.paths import PLANNED_SHARE, PhaseLimits
-from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import FourierState, FourierTrajectory
 from armload_identification.excitation.geometry.cartesian_speed import SpeedLimit
+from armload_identification.float_array import FloatArray
 
 REDUCED_SPEED_M_S = 0.25
 """Speed limit for every point of the arm and of what it carries on approaches and slow rounds: reduced speed of

@@ -19,7 +19,7 @@ import numpy as np
 
 from armload_controller.motion.joint_limits import MotionLimits
 from armload_controller.motion.paths import BlockedWay
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 
 VIA_POINTS = 120
 """Number of via points; half of them near the straight path, half anywhere."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from armload_controller.config.chain_from_urdf import DescribedArm, UrdfArm
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.model.chain import rpy_rad
 from armload_identification.storage.toml_text import value
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from armload_controller.config.chain_from_urdf import FEWEST_JOINTS, MOST_JOINTS, STANDARD_GRAVITY_M_S2
 from armload_controller.new_robot.arm_draft import ArmDraft
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain, pose_from_xyz_rpy
 from armload_identification.storage.toml_text import value

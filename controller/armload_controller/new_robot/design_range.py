@@ -12,8 +12,8 @@ from typing import Final
 import numpy as np
 
 from armload_controller.config.robot import Robot
-from armload_core.arrays import FloatArray
 from armload_identification.excitation.design_envelope import CLEARANCE_SCALE_M, Envelope
+from armload_identification.float_array import FloatArray
 
 _POSES: Final = 200
 _SEED: Final = 1

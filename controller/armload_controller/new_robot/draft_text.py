@@ -19,7 +19,7 @@ from armload_controller.new_robot.payload_draft import cube
 from armload_controller.new_robot.twin_draft import body_lines, twin_drive, twin_simulation
 from armload_controller.new_robot.workspace_draft import WorkspaceDraft
 from armload_controller.new_robot.workspace_text import add_workspace
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.model.payload import InertialParameters
 from armload_identification.storage.toml_text import value
 

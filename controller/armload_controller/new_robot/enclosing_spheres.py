@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from armload_controller.motion.urdf_geometry import UrdfGeometry
-from armload_core.arrays import FloatArray
 from armload_identification.excitation.geometry.workspace import Sphere
+from armload_identification.float_array import FloatArray
 
 MOST_SLICES = 3
 SURFACE_M = 0.02

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from armload_controller.new_robot.arm_draft import ArmDraft
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.model.payload import TENSOR_ELEMENTS, InertialParameters, tensor_elements
 from armload_identification.storage.toml_text import value
 

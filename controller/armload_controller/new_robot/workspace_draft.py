@@ -18,8 +18,8 @@ from armload_controller.motion.collision_meshes import Meshes
 from armload_controller.motion.urdf_geometry import load_urdf_geometry
 from armload_controller.new_robot.arm_draft import ArmDraft
 from armload_controller.new_robot.enclosing_spheres import enclosing_spheres
-from armload_core.arrays import FloatArray
 from armload_identification.excitation.geometry.workspace import HalfSpace, Sphere, Workspace
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import ModelError
 
 KEEP_M: Final = 0.02

@@ -17,7 +17,7 @@ import numpy as np
 from armload_controller.cycle.plugins import CycleStep
 from armload_controller.cycle.torque_monitor import measured_torque
 from armload_controller.session.run_session import RunSession
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.signals.joint_torque import Transmission
 
 TRIED_SHARE = 0.1

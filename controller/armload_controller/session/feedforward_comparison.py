@@ -28,8 +28,8 @@ from armload_controller.feedforward.offset_check import OffsetCheck, OffsetVerdi
 from armload_controller.motion.checked_path import CheckedPath
 from armload_controller.motion.phase import Segment
 from armload_controller.session.run_session import AddedTorque, RunSession
-from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.float_array import FloatArray
 from armload_identification.model.payload import PayloadResult
 from armload_identification.model.regressor import payload_torque
 

@@ -19,7 +19,7 @@ from armload_controller.analysis.arm_in_use import ArmInUse
 from armload_controller.config.robot import Robot
 from armload_controller.cycle.slow_round_torque import SURE, SlowRoundRows
 from armload_controller.motion.phase import Segment
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.model.dynamics import ArmDynamics
 from armload_identification.recording.run_format import TOPIC
 

@@ -36,9 +36,9 @@ from armload_controller.motion.paths import BlockedWay
 from armload_controller.session.installed_plugins import plugins_of
 from armload_controller.session.session_load import SessionLoad
 from armload_controller.session.standing_check import moved_since_recording
-from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import OperationMode
 from armload_drivers.servos import JointServos
+from armload_identification.float_array import FloatArray
 from armload_identification.recording.run_format import WAY_ROUND_ATTACHMENT
 
 BAR = 1000

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from armload_controller.config.robot import Robot
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.formats.mcap_reader import McapReader
 from armload_identification.recording.reader import ReadingAccount

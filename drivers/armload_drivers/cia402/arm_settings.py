@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 
 from msgspec import Struct
 
-from armload_core.arrays import FloatArray
 from armload_drivers.cia402.object_dictionary import Access, DataType, Entry, Mappable, PdoDirection
+from armload_drivers.servos import FloatArray
 
 if TYPE_CHECKING:
     from armload_drivers.cia402.eds_parser import DeviceDescription

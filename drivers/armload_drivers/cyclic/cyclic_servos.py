@@ -20,7 +20,6 @@ from contextlib import suppress
 from enum import Enum, auto
 from typing import Any
 
-from armload_core.arrays import FloatArray
 from armload_drivers.bring_up.drive_bring_up import DriveSetup, configured_units, is_simulation
 from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.cia402.process_data.drive_units import ArmUnits
@@ -31,7 +30,7 @@ from armload_drivers.cyclic.cyclic_drive import CyclicDrive
 from armload_drivers.cyclic.settings_watch import SettingsWatch
 from armload_drivers.cyclic.torque_removal import STILL_CYCLES, TorqueRemoval, raise_first, torque_remains
 from armload_drivers.driver_errors import DriverError, ServoError, ServoTimeout, StateError, TorqueRemains
-from armload_drivers.servos import JointCommand, JointFeedback
+from armload_drivers.servos import FloatArray, JointCommand, JointFeedback
 from armload_drivers.uninterrupted import uninterrupted
 
 

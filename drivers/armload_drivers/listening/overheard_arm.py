@@ -13,14 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings, EffortFeedback
 from armload_drivers.cia402.object_dictionary import PdoDirection
 from armload_drivers.cia402.process_data.drive_units import ArmUnits
 from armload_drivers.cia402.process_data.process_image import drive_image
 from armload_drivers.cia402.state_machine import State
-from armload_drivers.servos import JointCommand, JointFeedback
+from armload_drivers.servos import FloatArray, JointCommand, JointFeedback
 
 _ENABLED = State.OPERATION_ENABLED
 

@@ -21,8 +21,8 @@ from typing import Any
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
 from armload_drivers.driver_errors import SimulationError
+from armload_drivers.servos import FloatArray
 from armload_drivers.simulation.plant_spec import PlantSpec, PlantVariant, RigidBody
 
 TIME_STEP_S = 0.001

@@ -19,8 +19,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from armload_core import kernels
-from armload_core.arrays import FloatArray
 from armload_drivers.driver_errors import SimulationError
+from armload_drivers.servos import FloatArray
 from armload_drivers.simulation import servo_loops
 from armload_drivers.simulation.mujoco_model import TIME_STEP_S, PlantModel, build_model
 from armload_drivers.simulation.plant_interface import AxisSample, EncoderFault

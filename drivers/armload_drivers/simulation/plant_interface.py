@@ -10,7 +10,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
+from armload_drivers.servos import FloatArray
 
 
 @dataclass(frozen=True, slots=True)

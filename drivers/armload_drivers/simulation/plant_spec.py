@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-from armload_core.arrays import FloatArray
+from armload_drivers.servos import FloatArray
 from armload_drivers.simulation.servo_loops import BRAKE_DELAY_S, INTEGRAL_TIME_S
 
 

@@ -10,7 +10,6 @@ from typing import Final
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_constants import Calibrating, Contradiction
 from armload_identification.calibration.calibration_result import (
     ArmCalibration,
@@ -39,6 +38,7 @@ from armload_identification.estimation.estimation_constants import Solver
 from armload_identification.estimation.posterior import Posterior
 from armload_identification.estimation.problem import Group, Noise, Problem, RunRows
 from armload_identification.estimation.solve import solve
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import EstimationError, IdentificationError, RecordingError
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import Provenance

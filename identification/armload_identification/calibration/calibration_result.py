@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_core.arrays import FloatArray
 from armload_identification.estimation.arm_terms import (
     ARM_TERMS,
     COULOMB,
@@ -27,6 +26,7 @@ from armload_identification.estimation.arm_terms import (
 )
 from armload_identification.estimation.base_tilt import sideways, tilt_axes
 from armload_identification.estimation.payload_intervals import NORMAL_HALF_WIDTH
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.chain import Chain

@@ -14,7 +14,6 @@ from typing import Final
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_constants import Calibrating, Contradiction
 from armload_identification.calibration.mounted_runs import WeighedPayload
 from armload_identification.estimation.arm_rows import ArmLayout
@@ -28,6 +27,7 @@ from armload_identification.estimation.arm_terms import (
 from armload_identification.estimation.posterior import Posterior
 from armload_identification.estimation.problem import EMPTY, Group, Noise, Problem, RunRows
 from armload_identification.estimation.solve import solve
+from armload_identification.float_array import FloatArray
 from armload_identification.model.payload import InertialParameters, derived
 from armload_identification.model.regressor import PARAMETERS
 from armload_identification.signals.motion import Motion

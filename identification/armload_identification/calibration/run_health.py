@@ -15,7 +15,6 @@ import numpy as np
 from msgspec import structs
 from threadpoolctl import threadpool_limits
 
-from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_constants import Health
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.estimation.arm_rows import ArmLayout, ArmRows, motion_with_rows
@@ -27,6 +26,7 @@ from armload_identification.estimation.posterior import Posterior
 from armload_identification.estimation.problem import EMPTY, Group, Known, Noise, Problem, RunRows
 from armload_identification.estimation.solve import clipped_rms, solve
 from armload_identification.estimation.term_kinds import Scope, Shared, Term
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import EstimationError
 from armload_identification.model.chain import Chain
 from armload_identification.model.regressor import PARAMETERS

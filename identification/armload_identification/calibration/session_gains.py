@@ -17,7 +17,6 @@ from typing import Final
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import FEWEST_SESSIONS, ArmCalibration
 from armload_identification.estimation.arm_terms import GAIN
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
@@ -26,6 +25,7 @@ from armload_identification.estimation.payload_problem import single_problem
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.estimation.problem import Group, RunRows
 from armload_identification.estimation.solve import solve
+from armload_identification.float_array import FloatArray
 from armload_identification.model.chain import Chain
 from armload_identification.recording.recording import Recording
 from armload_identification.signals.joint_torque import Transmission

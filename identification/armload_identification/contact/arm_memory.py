@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
 from armload_identification.contact.contact_levels import CHECKPOINT_S, MEMORY_S, OLD_S, PART_ROWS
 from armload_identification.contact.force_rows import PAYLOAD, ForceRows
+from armload_identification.float_array import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

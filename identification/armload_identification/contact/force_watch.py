@@ -16,7 +16,6 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.contact.arm_memory import ArmMemory, RememberedState
 from armload_identification.contact.contact_levels import (
@@ -47,6 +46,7 @@ from armload_identification.contact.contact_levels import (
 from armload_identification.contact.force_rows import PAYLOAD, ForceRows, RowMaker
 from armload_identification.contact.load_or_push import Assessment, assess, payload_evidence
 from armload_identification.contact.something_acts import ResidualNoise, Test, acting
+from armload_identification.float_array import FloatArray
 from armload_identification.model.chain import Chain
 from armload_identification.pipeline.estimator_constants import estimator_constants
 from armload_identification.signals.joint_torque import Transmission

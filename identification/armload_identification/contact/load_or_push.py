@@ -19,7 +19,6 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_core.arrays import FloatArray
 from armload_identification.contact.arm_memory import RememberedState
 from armload_identification.contact.contact_levels import (
     BACK_S,
@@ -35,6 +34,7 @@ from armload_identification.contact.contact_levels import (
 )
 from armload_identification.contact.force_rows import PAYLOAD, ForceRows
 from armload_identification.contact.something_acts import ResidualNoise
+from armload_identification.float_array import FloatArray
 from armload_identification.model.chain import Chain
 
 _FORCE: Final = np.array([FORCE_N] * 3 + [MOMENT_NM] * 3)

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
 from armload_identification.contact.arm_memory import RememberedState
 from armload_identification.contact.contact_levels import (
     BOUNDED,
@@ -27,6 +26,7 @@ from armload_identification.contact.contact_levels import (
     WINDOWS_S,
 )
 from armload_identification.contact.force_rows import ForceRows
+from armload_identification.float_array import FloatArray
 
 LEAST_FILLED = 0.6
 """Share of a window that must have rows."""

@@ -16,11 +16,11 @@ from typing import Final
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.calibration.session_gains import SessionGains
 from armload_identification.contact.contact_levels import KEPT_S, OVER_S, PART_S, SETTLED_S, STATE_S
 from armload_identification.contact.force_watch import Force, ForceEvent, ForceEventKind, ForceWatch
+from armload_identification.float_array import FloatArray
 from armload_identification.model.chain import Chain
 from armload_identification.pipeline.recursive_estimator import LivePayload, PayloadEstimator
 from armload_identification.signals.joint_torque import Transmission

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_core.arrays import FloatArray
 from armload_identification.estimation.arm_terms import (
     COULOMB,
     LINKS,
@@ -15,6 +14,7 @@ from armload_identification.estimation.arm_terms import (
     VISCOUS,
 )
 from armload_identification.estimation.posterior import Posterior
+from armload_identification.float_array import FloatArray
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.regressor import PARAMETERS
 

@@ -21,9 +21,9 @@ from typing import TYPE_CHECKING, Final
 import msgspec
 import numpy as np
 
-from armload_core.arrays import FloatArray
 from armload_identification.estimation.estimation_constants import Priors
 from armload_identification.estimation.term_kinds import Joint, Law, Load, Motor, Scope, Shared, Term, Values
+from armload_identification.float_array import FloatArray
 from armload_identification.model.chain import Chain
 from armload_identification.model.regressor import PARAMETERS
 

@@ -6,8 +6,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
 from armload_identification.estimation.estimation_constants import Rows
+from armload_identification.float_array import FloatArray
 from armload_identification.model.chain import Chain
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_core.arrays import FloatArray
 from armload_identification.estimation.estimation_constants import Blows
+from armload_identification.float_array import FloatArray
 
 
 def struck_samples(size: FloatArray, time_s: FloatArray) -> NDArray[np.bool_]:

@@ -17,12 +17,12 @@ from typing import Final
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
 from armload_identification.estimation.arm_rows import ArmRows
 from armload_identification.estimation.arm_terms import GAIN, PAYLOAD, effort_level
 from armload_identification.estimation.estimation_constants import Elasticity
 from armload_identification.estimation.posterior import Posterior
 from armload_identification.estimation.problem import EMPTY
+from armload_identification.float_array import FloatArray
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.chain import Chain
 from armload_identification.model.regressor import PARAMETERS, payload_torque

@@ -20,7 +20,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_core.arrays import FloatArray
 from armload_identification.estimation.arm_terms import GAIN
 from armload_identification.estimation.estimation_constants import GainTest
 from armload_identification.estimation.payload_intervals import student_half_width
@@ -28,6 +27,7 @@ from armload_identification.estimation.payload_problem import HELD, PayloadProbl
 from armload_identification.estimation.posterior import Posterior
 from armload_identification.estimation.prior_knowledge import Prior
 from armload_identification.estimation.solve import solve
+from armload_identification.float_array import FloatArray
 from armload_identification.signals.joint_torque import Gains
 
 

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_core.arrays import FloatArray
 from armload_identification.estimation.blows import struck_samples
 from armload_identification.estimation.estimation_constants import Solver
 from armload_identification.estimation.problem import Group
 from armload_identification.estimation.term_kinds import Joint, Load, LoadColumns, Motor, Placed, Shared, Term
+from armload_identification.float_array import FloatArray
 
 if TYPE_CHECKING:
     from armload_identification.estimation.arm_rows import ArmRows

@@ -20,7 +20,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_core.arrays import FloatArray
 from armload_identification.estimation.arm_rows import ArmRows
 from armload_identification.estimation.arm_terms import FRICTION_CHANGE, effort_level
 from armload_identification.estimation.payload_problem import PayloadProblem
@@ -28,6 +27,7 @@ from armload_identification.estimation.posterior import Posterior
 from armload_identification.estimation.problem import Group, Noise, Problem, RunRows
 from armload_identification.estimation.solve import solve
 from armload_identification.estimation.term_kinds import Joint, Scope, Term
+from armload_identification.float_array import FloatArray
 from armload_identification.recording.reduction.phase_advance import SETTLING_S, periodic_phase
 from armload_identification.signals.motion import Motion
 from armload_identification.signals.recorded_run import Run

@@ -7,7 +7,6 @@ from functools import cached_property
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
 from armload_identification.estimation.arm_from_posterior import identified_body
 from armload_identification.estimation.arm_terms import (
     FRICTION_CHANGE,
@@ -24,6 +23,7 @@ from armload_identification.estimation.posterior import Posterior
 from armload_identification.estimation.prior_knowledge import Prior
 from armload_identification.estimation.sampled_torque import sampling_doubt
 from armload_identification.estimation.solve import solve
+from armload_identification.float_array import FloatArray
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.mass_center import MassCenterCovariance, unknown_deviation
 from armload_identification.model.regressor import PARAMETERS

@@ -14,7 +14,6 @@ from typing import Final
 import msgspec
 import numpy as np
 
-from armload_core.arrays import FloatArray
 from armload_identification.estimation.arm_rows import (
     NO_ROWS,
     ArmLayout,
@@ -53,6 +52,7 @@ from armload_identification.estimation.problem import (
     RunRows,
 )
 from armload_identification.estimation.term_kinds import Term
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import EstimationError
 from armload_identification.model.chain import Chain
 from armload_identification.signals.load_signal import LoadSignal

@@ -12,7 +12,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_core.arrays import FloatArray
 from armload_identification.estimation.normal_equations import (
     Eliminated,
     GroupState,
@@ -21,6 +20,7 @@ from armload_identification.estimation.normal_equations import (
 )
 from armload_identification.estimation.problem import EMPTY, Owner, Problem
 from armload_identification.estimation.residual_spectrum import FREEST, ResidualSpectrum
+from armload_identification.float_array import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,10 +15,10 @@ from typing import Final
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
 from armload_identification.argument_types import wrong_type
 from armload_identification.estimation.arm_terms import PAYLOAD
 from armload_identification.estimation.problem import Known
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.payload import (
     REFERENCE_LENGTH_M,

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_core.arrays import FloatArray
 from armload_identification.estimation.term_kinds import Placed, Scope, Term
+from armload_identification.float_array import FloatArray
 
 if TYPE_CHECKING:
     from armload_identification.estimation.arm_rows import ArmRows

@@ -27,7 +27,7 @@ from typing import Final
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 
 _WIDEST_HALF_WINDOW: Final = 8
 """Bins on either side over which a spectrum is averaged: half the bin's number, from 1 to this.

@@ -19,7 +19,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.estimation.estimation_constants import Drift, Payloads
 from armload_identification.estimation.normal_equations import GroupState
@@ -27,6 +26,7 @@ from armload_identification.estimation.payload_intervals import NORMAL_HALF_WIDT
 from armload_identification.estimation.posterior import Posterior
 from armload_identification.estimation.problem import Group
 from armload_identification.estimation.solve import solve
+from armload_identification.float_array import FloatArray
 
 
 @dataclass(frozen=True)

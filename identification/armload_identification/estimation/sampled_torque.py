@@ -14,8 +14,8 @@ from typing import Final
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
 from armload_identification.estimation.arm_rows import ArmRows
+from armload_identification.float_array import FloatArray
 from armload_identification.model.chain import Chain
 from armload_identification.model.regressor import payload_regressor
 

@@ -21,12 +21,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_core.arrays import FloatArray
 from armload_identification.estimation.estimation_constants import Solver
 from armload_identification.estimation.normal_equations import Eliminated, GroupState, solved
 from armload_identification.estimation.posterior import Posterior
 from armload_identification.estimation.problem import Problem
 from armload_identification.estimation.term_kinds import Shared
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import EstimationError
 from armload_identification.signals.robust_scale import deviation_by_median
 

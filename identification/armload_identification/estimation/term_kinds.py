@@ -17,7 +17,7 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 
 if TYPE_CHECKING:
     from armload_identification.estimation.arm_rows import ArmRows

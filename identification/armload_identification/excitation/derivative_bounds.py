@@ -22,8 +22,8 @@ from math import comb
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.float_array import FloatArray
 from armload_identification.model.chain import Chain
 from armload_identification.model.dynamics import ArmDynamics
 from armload_identification.model.payload import symmetric_tensor

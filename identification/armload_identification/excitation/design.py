@@ -16,12 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from armload_core.arrays import FloatArray
 from armload_identification.excitation.design_envelope import Envelope
 from armload_identification.excitation.design_search import Attempt, Search, SearchSettings
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.excitation.information import Criterion, condition_number
 from armload_identification.excitation.limit_margins import LimitMargins
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import ExcitationError
 
 

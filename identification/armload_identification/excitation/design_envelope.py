@@ -14,12 +14,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import FourierBounds, FourierTrajectory
 from armload_identification.excitation.geometry.cartesian_speed import SpeedLimit
 from armload_identification.excitation.geometry.workspace import Workspace
 from armload_identification.excitation.limit_margins import PER_JOINT, LimitMargins
 from armload_identification.excitation.torque_limits import TorqueLimits
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import ExcitationError
 from armload_identification.model.finite_array import finite_array, set_fields
 

@@ -22,8 +22,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from armload_core import kernels
-from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import CRITERIA, ROBUST_CRITERIA
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import ExcitationError
 from armload_identification.model.chain import Chain
 from armload_identification.model.finite_array import finite_array

@@ -26,9 +26,9 @@ from math import ceil
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
 from armload_identification.excitation.derivative_bounds import rate_bounds, torque_curvature
 from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.float_array import FloatArray
 from armload_identification.model.chain import Chain
 from armload_identification.model.dynamics import ArmBody, ArmDynamics
 from armload_identification.model.finite_array import finite_array, set_fields

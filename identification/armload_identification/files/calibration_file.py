@@ -11,11 +11,11 @@ import numpy as np
 from msgspec import field
 from msgspec.structs import asdict
 
-from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration, CalibratedPayload, CalibratedRun
 from armload_identification.estimation.arm_terms import TILT, places_of
 from armload_identification.files.covariance_table import require_covariance
 from armload_identification.files.provenance_table import ProvenanceTable, provenance_lines
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import CalibrationFileError, ModelError
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.regressor import PARAMETERS

@@ -7,7 +7,7 @@ from typing import Annotated, Final
 import numpy as np
 from msgspec import Meta
 
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.storage import toml_text
 from armload_identification.storage.strict_toml import (

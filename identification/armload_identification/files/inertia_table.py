@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.model.payload import TENSOR_ELEMENTS, symmetric_tensor
 from armload_identification.storage.strict_toml import Table
 

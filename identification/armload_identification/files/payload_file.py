@@ -17,10 +17,10 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from armload_core.arrays import FloatArray
 from armload_identification.files.covariance_table import CovarianceTable, covariance_lines
 from armload_identification.files.inertia_table import InertiaTable
 from armload_identification.files.provenance_table import ProvenanceTable, provenance_lines
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import PayloadFileError
 from armload_identification.model.payload import (
     AXES,

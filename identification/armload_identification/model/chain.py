@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armload_core import kernels
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.finite_array import finite_array, set_fields
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 
 
 class JointStates(NamedTuple):

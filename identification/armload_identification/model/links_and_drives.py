@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.finite_array import finite_array, set_fields
 from armload_identification.model.regressor import PARAMETERS

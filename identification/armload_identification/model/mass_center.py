@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 
 _NORMAL_95: Final = 1.959964
 """Half width of a 95 % interval in standard deviations."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 
 
 def smooth_sign(dq: FloatArray, reversal_speed_rad_s: FloatArray) -> FloatArray:

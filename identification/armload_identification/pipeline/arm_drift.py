@@ -10,9 +10,9 @@ from typing import Final
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.calibration.run_health import RunHealth
+from armload_identification.float_array import FloatArray
 from armload_identification.pipeline.warm_up import WarmUp, warm_up
 from armload_identification.recording.run_start import stated_starts
 from armload_identification.verdict.control_limits import ControlChart, control_chart

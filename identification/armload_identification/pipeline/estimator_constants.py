@@ -7,9 +7,9 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from armload_core import kernels
-from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.estimation.empty_arm.known_arm_rows import MOVING, payload_scale
+from armload_identification.float_array import FloatArray
 from armload_identification.model.chain import Chain
 from armload_identification.model.dynamics import ArmDynamics
 from armload_identification.recording.reading_options import Effort

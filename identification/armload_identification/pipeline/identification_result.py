@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_core.arrays import FloatArray
 from armload_identification.estimation.arm_terms import GAIN
 from armload_identification.estimation.empty_arm.arm_friction import ArmFriction
 from armload_identification.estimation.gain_errors import GainFit
 from armload_identification.estimation.payload_from_posterior import PayloadEstimate
 from armload_identification.estimation.payload_intervals import Uncertainty, quantify
 from armload_identification.estimation.physical_consistency import make_physical
+from armload_identification.float_array import FloatArray
 from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.model.payload import FLANGE, InertialParameters, PayloadResult, Provenance, derived
 from armload_identification.model.regressor import payload_regressor

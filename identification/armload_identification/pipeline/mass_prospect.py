@@ -13,11 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.estimation.empty_arm.known_arm_rows import KnownArmRows
 from armload_identification.estimation.payload_intervals import NORMAL_HALF_WIDTH
 from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.float_array import FloatArray
 from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates
 from armload_identification.model.payload import InertialParameters

@@ -8,7 +8,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_core.arrays import FloatArray
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.estimation.empty_arm.unloaded_arm import BodyFit
 from armload_identification.estimation.estimation_constants import Drift
@@ -16,6 +15,7 @@ from armload_identification.estimation.gain_errors import GainFit
 from armload_identification.estimation.payload_change import Event, events_during
 from armload_identification.estimation.payload_from_posterior import PayloadEstimate, gear_asymmetry
 from armload_identification.estimation.payload_intervals import NORMAL_HALF_WIDTH
+from armload_identification.float_array import FloatArray
 from armload_identification.model.payload import DETERMINED_SHARE
 from armload_identification.pipeline.identification_result import Identification
 from armload_identification.recording.recording import RecordingSource

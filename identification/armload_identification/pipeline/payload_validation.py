@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import NoPayloadMass, NothingMounted
 from armload_identification.model.chain import Chain
 from armload_identification.model.mass_center import MassCenterCovariance

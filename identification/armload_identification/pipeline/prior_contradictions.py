@@ -27,9 +27,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_core.arrays import FloatArray
 from armload_identification.estimation.payload_intervals import NORMAL_HALF_WIDTH
 from armload_identification.estimation.prior_knowledge import EXACT, KnownPayload, Prior
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import EstimationError, NoPayloadMass
 from armload_identification.model.mass_center import moments_slope
 from armload_identification.model.payload import CONFIDENCE

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import IdentificationError
 from armload_identification.recording.recording import Recording
 from armload_identification.recording.reduction.phase_advance import interruptions, measured_periods

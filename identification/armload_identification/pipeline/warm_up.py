@@ -16,8 +16,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_core.arrays import FloatArray
 from armload_identification.calibration.run_health import RunHealth
+from armload_identification.float_array import FloatArray
 
 _SCALE_S: Final = 600.0
 _REST_S: Final = 7200.0

@@ -13,9 +13,9 @@ from typing import Final
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from armload_core.arrays import FloatArray
 from armload_identification.excitation.design_envelope import Envelope
 from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import ExcitationError
 from armload_identification.pipeline.mass_prospect import MassProspect
 

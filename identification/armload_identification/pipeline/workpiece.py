@@ -18,8 +18,8 @@ from typing import Final
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
 from armload_identification.estimation.payload_intervals import student_half_width
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import EstimationError
 from armload_identification.model.mass_center import MassCenterCovariance, moments_slope
 from armload_identification.model.payload import DETERMINED_SHARE, InertialParameters, PayloadResult, value_scale

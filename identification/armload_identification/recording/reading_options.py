@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from armload_identification.identification_errors import NamelessColumns, RecordingError
 
 if TYPE_CHECKING:  # the command line's options need no numpy
-    from armload_core.arrays import FloatArray
+    from armload_identification.float_array import FloatArray
     from armload_identification.recording.csv_columns import CsvColumns
 
 

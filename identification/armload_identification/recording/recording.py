@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import Excitation
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.garbage_rows import GarbageFilter
 from armload_identification.recording.joint_names import JointNames

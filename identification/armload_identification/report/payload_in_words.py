@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.model.payload import (
     AXES,
     DETERMINED_SHARE,

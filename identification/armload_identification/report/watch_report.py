@@ -11,7 +11,7 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.report.figures.figure_style import BLUE, INK, VERMILION, WIDE_IN, styled_figure
 from armload_identification.report.figures.svg import inline_svg
 from armload_identification.report.page import rendered, write_page

@@ -9,8 +9,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
 from armload_identification.extras import Extra, require_extra
+from armload_identification.float_array import FloatArray
 from armload_identification.numerals import counted
 from armload_identification.pipeline.arm_drift import Monitored
 from armload_identification.report.compared_runs import ComparedRuns

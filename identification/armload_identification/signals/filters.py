@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.signals.robust_scale import deviation_by_median
 from armload_identification.signals.signal_constants import LowPass, SampleNoise, Smoothing
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import ModelError, RecordingError
 from armload_identification.model.finite_array import finite_array, set_fields
 from armload_identification.signals.signal_constants import NominalGain, ReportedTorque

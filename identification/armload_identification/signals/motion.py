@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.model.joint_states import JointStates
 from armload_identification.signals.reversals import moving_joints, reversal_weights
 

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.signals.signal_constants import Reversal, Standstill
 
 TURN_OVER: Final = Reversal.direction_share

@@ -23,8 +23,8 @@ import numpy as np
 from msgspec import Meta
 from msgspec.structs import FieldInfo
 
-from armload_core.arrays import FloatArray
 from armload_identification.argument_types import path_of
+from armload_identification.float_array import FloatArray
 from armload_identification.storage.regular_file import LARGEST_BYTES, read_whole
 from armload_identification.storage.replace_file import replace_file
 

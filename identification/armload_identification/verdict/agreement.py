@@ -30,8 +30,8 @@ from typing import Final
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
 from armload_identification.estimation.payload_intervals import student_half_width
+from armload_identification.float_array import FloatArray
 from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.model.payload import InertialParameters
 from armload_identification.verdict.decision_levels import AgreementLevels, FalseAlarms

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.signals.signal_constants import SampleNoise
 from armload_identification.verdict.decision_levels import ChartLevels, FalseAlarms
 

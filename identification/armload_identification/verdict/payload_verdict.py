@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
 from armload_identification.estimation.payload_from_posterior import PayloadEstimate
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.model.payload import InertialParameters, PayloadResult, derived

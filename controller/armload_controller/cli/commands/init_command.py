@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from armload_controller.new_robot.drafted_file import DraftedFile
     from armload_controller.new_robot.drive_drafts import BusDraft
     from armload_controller.new_robot.workspace_draft import WorkspaceDraft
-    from armload_core.arrays import FloatArray
+    from armload_identification.float_array import FloatArray
 
 _ROLES = ("identification", "validation")
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armload_controller.config.tables.table_types import NonNegative, Positive, Vector3
-from armload_core.arrays import FloatArray
 from armload_identification.files.inertia_table import InertiaTable
+from armload_identification.float_array import FloatArray
 from armload_identification.model.dynamics import ArmBody
 from armload_identification.model.payload import InertialParameters
 from armload_identification.storage.strict_toml import BadValue, Table

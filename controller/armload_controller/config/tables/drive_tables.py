@@ -12,7 +12,6 @@ import msgspec
 from msgspec import Meta, field
 
 from armload_controller.config.tables.table_types import Positive
-from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import (
     ArmSettings,
     DriveSettings,
@@ -27,6 +26,7 @@ from armload_drivers.cia402.arm_settings import (
 from armload_drivers.cia402.drive_safety import SAFETY_KEYS, property_of
 from armload_drivers.cia402.object_dictionary import DataType, Entry, PdoDirection
 from armload_drivers.cia402.process_data.process_image import drive_image
+from armload_identification.float_array import FloatArray
 from armload_identification.storage.strict_toml import BadValue, Table
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ import numpy as np
 from msgspec import Meta
 
 from armload_controller.config.tables.table_types import Angle, PoseTable, Vector3
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.model.chain import Chain, pose_from_xyz_rpy
 from armload_identification.storage.strict_toml import BadValue, Table
 

@@ -10,8 +10,8 @@ from msgspec import Meta
 from armload_controller.config.tables.body_tables import BodyTable, PayloadTable
 from armload_controller.config.tables.joint_table import JointTable
 from armload_controller.config.tables.table_types import NonNegative, Positive, Share
-from armload_core.arrays import FloatArray
 from armload_drivers.simulation.servo_loops import BRAKE_DELAY_S
+from armload_identification.float_array import FloatArray
 from armload_identification.storage.strict_toml import BadValue, Table
 
 if TYPE_CHECKING:

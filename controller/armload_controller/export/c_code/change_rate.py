@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from armload_controller.export.straight_line.planar_groups import PlanarGroup, PlanarGroups, planar_groups
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.model.chain import Chain
 
 _GREATEST_SLOPE: Final = 1.5

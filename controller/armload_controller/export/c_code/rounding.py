@@ -22,7 +22,7 @@ from armload_controller.export.straight_line.arm_functions import (
 )
 from armload_controller.export.straight_line.expressions import NodeKind
 from armload_controller.export.straight_line.precision import Precision
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 
 STATES: Final = 10_000
 _SEED: Final = 21

@@ -9,7 +9,7 @@ import numpy as np
 from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.straight_line.precision import Precision
 from armload_controller.feedforward.body_torque import LoadFriction
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.model.regressor import payload_torque
 
 VECTORS: Final = 8

@@ -29,7 +29,7 @@ from armload_controller.export.inertia import TENSOR, complete_inertia, principa
 from armload_controller.export.load_data.makers_flange import in_makers_flange
 from armload_controller.export.template import written
 from armload_controller.export.text_format import bracketed, load_data
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 
 LONGEST_NAME = 32
 """Greatest length of an identifier in RAPID."""

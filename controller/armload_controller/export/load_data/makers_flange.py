@@ -17,7 +17,7 @@ import numpy as np
 from armload_controller.control_errors import ExportError
 from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.inertia import QUARTER_TURNS
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.model.chain import Chain, pose_from_xyz_rpy, rpy_rad
 from armload_identification.model.payload import PayloadResult, symmetric_tensor, tensor_elements
 

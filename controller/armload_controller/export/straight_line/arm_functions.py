@@ -18,7 +18,7 @@ from armload_controller.export.straight_line.specialised_dynamics import (
     specialised_regressor,
     specialised_torque,
 )
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters
 

@@ -7,7 +7,7 @@ from enum import StrEnum
 import numpy as np
 
 from armload_controller.export.text_format import exact
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 
 
 class Precision(StrEnum):

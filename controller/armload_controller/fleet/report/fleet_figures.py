@@ -8,7 +8,7 @@ import numpy as np
 
 from armload_controller.fleet.arm_runs import UNITS
 from armload_controller.fleet.fleet_review import FigureReview
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.report.figures.control_chart_axes import days_of, draw_control_chart, draw_dates
 from armload_identification.report.figures.figure_style import BLUE, INK, LIGHT_GREY, VERMILION, styled_figure
 from armload_identification.report.figures.svg import inline_svg

@@ -30,7 +30,7 @@ import orjson
 from armload_controller.cycle.arm_frames import FRAMES_SCHEMA, FRAMES_TOPIC, ArmFrames
 from armload_controller.motion.joint_limits import MotionLimits
 from armload_controller.session.live.live_relay import LOOPBACK, ClientLimits, Relay
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.recording.run_format import MESSAGE_SCHEMA, TOPIC
 from armload_identification.signals.joint_torque import Transmission
 

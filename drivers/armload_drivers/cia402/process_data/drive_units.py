@@ -19,12 +19,11 @@ from typing import NamedTuple
 import numpy as np
 from msgspec import Struct
 
-from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings, EffortFeedback
 from armload_drivers.cia402.object_dictionary import POLARITY_POSITION, POLARITY_TORQUE, DataType
 from armload_drivers.cia402.process_data.process_image import effort_entry
 from armload_drivers.driver_errors import CommandError
-from armload_drivers.servos import JointCommand
+from armload_drivers.servos import FloatArray, JointCommand
 
 _COUNTS_LIMIT = DataType.I32.bounds[1]
 _PERMILLE_LIMIT = DataType.I16.bounds[1]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from armload_core.arrays import FloatArray
 from armload_identification.estimation.problem import Known
 from armload_identification.estimation.term_kinds import Term
+from armload_identification.float_array import FloatArray
 from armload_identification.model.body_model import BodyModel
 from armload_identification.recording.reading_options import Effort
 

@@ -13,9 +13,9 @@ from typing import Final
 import numpy as np
 from msgspec import Struct
 
-from armload_core.arrays import FloatArray
 from armload_identification.estimation.arm_terms import CHANGES
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
+from armload_identification.float_array import FloatArray
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates

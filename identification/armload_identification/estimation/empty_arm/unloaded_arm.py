@@ -20,7 +20,6 @@ from typing import Final
 import msgspec
 import numpy as np
 
-from armload_core.arrays import FloatArray
 from armload_identification.estimation.arm_from_posterior import identified_body
 from armload_identification.estimation.arm_rows import ArmLayout, ArmRows
 from armload_identification.estimation.arm_terms import (
@@ -35,6 +34,7 @@ from armload_identification.estimation.estimation_constants import Priors
 from armload_identification.estimation.problem import Group, Noise, Problem, RunRows
 from armload_identification.estimation.solve import solve
 from armload_identification.estimation.term_kinds import Joint, Scope, Term
+from armload_identification.float_array import FloatArray
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.chain import Chain
 from armload_identification.signals.motion import Motion

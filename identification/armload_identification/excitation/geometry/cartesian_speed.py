@@ -32,9 +32,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_core.arrays import FloatArray
 from armload_identification.excitation.derivative_bounds import point_rates, rate_bounds
 from armload_identification.excitation.fourier import FourierState, FourierTrajectory
+from armload_identification.float_array import FloatArray
 from armload_identification.model.chain import Chain, cross
 from armload_identification.model.finite_array import set_fields
 

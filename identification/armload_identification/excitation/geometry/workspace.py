@@ -23,9 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core import kernels
-from armload_core.arrays import FloatArray
 from armload_identification.excitation.derivative_bounds import point_rates, rate_bounds
 from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain
 from armload_identification.model.finite_array import set_fields

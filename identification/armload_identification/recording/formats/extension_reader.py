@@ -13,8 +13,8 @@ from typing import Final
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
 from armload_identification.extensions import ExtensionGroup, extension
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.reader import ReadingAccount, RecordingReader
 from armload_identification.recording.row_block import QUANTITIES, RowBlock, parts_of, require_shapes

@@ -24,7 +24,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, DataEnd
 
 from armload_core import kernels
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.formats.unpacking import require_bounded, unpacked
 from armload_identification.recording.read_boundary import MOST_BYTES

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.column_names import arrays_by_name
 from armload_identification.recording.reader import ReadingAccount, RecordingReader

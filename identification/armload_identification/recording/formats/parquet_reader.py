@@ -20,7 +20,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.column_names import arrays_by_name, columns_by_name
 from armload_identification.recording.column_units import DEGREE_RAD, unit_factor

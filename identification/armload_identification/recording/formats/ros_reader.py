@@ -27,7 +27,7 @@ from rosbags.interfaces import Connection
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.formats.mcap_reader import require_small_chunks
 from armload_identification.recording.formats.unpacking import require_bounded, unpacked

@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 
 _AT_BOUND: Final = 1.0 - 1e-9
 _LONG_REPETITION: Final = 50

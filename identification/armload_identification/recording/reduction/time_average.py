@@ -18,8 +18,8 @@ from typing import Final
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import Excitation
+from armload_identification.float_array import FloatArray
 from armload_identification.recording.recording import Recording, RecordingSource
 from armload_identification.recording.reduction.reduction import Reduction
 from armload_identification.recording.reduction.repeated_values import RepeatedValues

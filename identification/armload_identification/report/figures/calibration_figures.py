@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.report.figures.control_chart_axes import draw_run_axis
 from armload_identification.report.figures.figure_style import (
     BLUE,

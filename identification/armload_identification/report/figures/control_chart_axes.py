@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from matplotlib.axes import Axes
 
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.report.figures.figure_style import BLUE, INK, LIGHT_GREY, VERMILION
 from armload_identification.report.figures.joint_figures import ticks
 from armload_identification.verdict.control_limits import ControlChart

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.pipeline.arm_drift import ArmDrift, Monitored
 from armload_identification.pipeline.warm_up import WARM_S, WarmUp
 from armload_identification.report.figures.control_chart_axes import draw_control_chart, draw_run_axis, run_places

@@ -13,10 +13,10 @@ from matplotlib.patches import Circle, Polygon
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from armload_core.arrays import FloatArray
 from armload_identification.excitation.design_envelope import Envelope
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.excitation.geometry.workspace import Box, Workspace
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import ExcitationError
 from armload_identification.report.figures.figure_style import (
     BLUE,

@@ -31,11 +31,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_core.arrays import FloatArray
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.estimation.empty_arm.unloaded_arm import BodyFit, fit_body
 from armload_identification.estimation.payload_intervals import NORMAL_HALF_WIDTH, student_half_width
 from armload_identification.estimation.residual_spectrum import ResidualSpectrum
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import RecordingError
 from armload_identification.model.base_parameters import base_columns
 from armload_identification.model.body_model import BodyModel

@@ -17,7 +17,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
+from armload_identification.float_array import FloatArray
 from armload_identification.verdict.decision_levels import ColdArm
 from armload_identification.verdict.joint_words import remarked_joints
 

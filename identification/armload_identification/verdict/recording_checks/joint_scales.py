@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_core.arrays import FloatArray
 from armload_identification.estimation.payload_intervals import NORMAL_HALF_WIDTH, student_half_width
 from armload_identification.estimation.residual_spectrum import ResidualSpectrum
+from armload_identification.float_array import FloatArray
 from armload_identification.model.smooth_sign import smooth_sign
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.signals.reversals import reversal_speed

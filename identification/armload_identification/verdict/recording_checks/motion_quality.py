@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
 from armload_identification.estimation.empty_arm.known_arm_rows import MOVING
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import EstimationError, NoPayloadMass
 from armload_identification.model.body_model import BodyModel
 from armload_identification.signals.motion import Motion

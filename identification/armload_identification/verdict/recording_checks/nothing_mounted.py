@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
 from armload_identification.estimation.payload_from_posterior import PayloadEstimate
 from armload_identification.estimation.payload_intervals import NORMAL_HALF_WIDTH, student_half_width
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import NothingMounted
 from armload_identification.verdict.decision_levels import EmptyArmLevels, FalseAlarms
 

@@ -11,10 +11,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_core.arrays import FloatArray
 from armload_identification.estimation.empty_arm.arm_friction import ArmFriction
 from armload_identification.estimation.gain_errors import GainFit
 from armload_identification.estimation.payload_from_posterior import PayloadEstimate
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import EstimationError, NoPayloadMass, NothingMounted, RecordingError
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.payload import DETERMINED_SHARE
@@ -95,7 +95,7 @@ def _refuse_nothing(fit: FittedPair) -> None:
 
 def _refuse_impossible_gain(fit: FittedPair) -> None:
     """Raise if the other joints imply a gain that no nominal gain is wrong by."""
-    if fit.gains is None:
+    if fit.gains is None or fit.slight:
         return
     size = np.where(fit.gains.contradicted, np.abs(fit.gains.log_gain), 0.0)
     joint = int(np.argmax(size))

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from armload_controller.config.robot import load_robot
-from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.cia402.state_machine import State, state_in
 from armload_drivers.driver_errors import CommandError, ServoFault, ServoTimeout, SimulationError, StateError
 from armload_drivers.servos import JointCommand, JointFeedback, JointServos
 from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_drivers.simulation.plant_spec import PlantSpec
+from armload_identification.float_array import FloatArray
 from tests.fake_servos import QUICK_STOP_S, FailureKind, FakeServos, ScriptedFailure
 
 pytest.importorskip("mujoco")

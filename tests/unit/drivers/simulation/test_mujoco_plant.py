@@ -13,13 +13,13 @@ import pytest
 
 from armload_controller.config.robot import load_robot
 from armload_core import kernels
-from armload_core.arrays import FloatArray
 from armload_drivers.driver_errors import SimulationError
 from armload_drivers.simulation import mujoco_model
 from armload_drivers.simulation.mujoco_model import build_model, load_mujoco
 from armload_drivers.simulation.mujoco_plant import ArmPlant, PlantSample
 from armload_drivers.simulation.plant_interface import EncoderFault
 from armload_drivers.simulation.plant_spec import PlantJoint, PlantSpec, PlantVariant, RigidBody, ScheduledPayload
+from armload_identification.float_array import FloatArray
 
 pytest.importorskip("mujoco")
 

@@ -527,8 +527,9 @@ def test_a_joint_measures_the_opposite_if_its_correlation_is_below_minus_0_8(cor
 )
 def test_no_nominal_gain_is_wrong_by_a_factor_of_three(log_gain, contradicted, said):
     fitted = SimpleNamespace(contradicted=np.array([False, contradicted]), log_gain=np.array([2.0, log_gain]))
-    found = refusal(_refuse_impossible_gain, SimpleNamespace(gains=fitted))
+    found = refusal(_refuse_impossible_gain, SimpleNamespace(gains=fitted, slight=False))
     assert ("the torque of joint 2 contradicts" in found) is said
+    _refuse_impossible_gain(SimpleNamespace(gains=fitted, slight=True))
     _refuse_impossible_gain(SimpleNamespace(gains=None))
 
 

@@ -1,4 +1,4 @@
-"""The array type used throughout the program."""
+"""The array type of all equations."""
 
 from __future__ import annotations
 
