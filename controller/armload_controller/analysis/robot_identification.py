@@ -25,7 +25,7 @@ from armload_controller.config.objects_or_paths import (
 from armload_controller.config.robot_recordings import MeasuredArm, RecordingChoice, chosen_joints, read_of
 from armload_controller.feedforward.payload_use import another_arms
 from armload_identification.argument_types import path_of, require_type, wrong_type
-from armload_identification.calibration.session_gains import SessionGains
+from armload_identification.calibration.session_gains import REFERENCE, SessionGains
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.extras import Extra, require_extra
 from armload_identification.identification_errors import (
@@ -234,7 +234,7 @@ def _explained(unnamed: str | None, session: SessionGains | None) -> Iterator[No
             raise
         allowed = f"This allows for a drift of all gains of {100.0 * session.deviation:.2g} % ({session.origin})"
         raise NoPayloadMass(
-            f"{error} {allowed}; a run of the same day as `reference=` measures it.", error.mass_kg, error.half_width_kg
+            f"{error} {allowed}; a run of the same day measures it: {REFERENCE}.", error.mass_kg, error.half_width_kg
         ) from error
 
 

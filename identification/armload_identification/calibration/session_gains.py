@@ -41,6 +41,8 @@ calibration seem alike because the arm's links are fitted to them."""
 OF_REFERENCE: Final = 0.003
 """The same of a drift that a reference has measured: on 31 January the UR10e's empty run says -0.4 %, the loaded one
 -0.8 %, where the weighed payload shows none."""
+REFERENCE: Final = "`--reference` / `StatedDrift(reference=...)`"
+"""How such a run is given, on the command line and in Python."""
 _STEPS: Final = 3
 """Linearisations: with 5 % of drift the second changes it by 0.1 %."""
 
@@ -179,7 +181,7 @@ class SessionGains:
         return (
             "The intervals allow for a drift of all gains together since the calibration: one standard deviation is "
             f"{100.0 * self.deviation:.2g} % ({self.origin}), and 1 % would change the mass by {per_percent:.1f} %. "
-            "A run of the same day, empty or with a weighed tool, measures it: `reference=`."
+            f"A run of the same day, empty or with a weighed tool, measures it: {REFERENCE}."
         )
 
     def arm(self, known: KnownArm) -> KnownArm:

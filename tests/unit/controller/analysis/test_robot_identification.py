@@ -124,6 +124,7 @@ def test_errors_name_what_may_have_caused_them(error, unnamed, drift, text):
     with pytest.raises(type(error)) as caught, robot_identification._explained(unnamed, drift):
         raise error
     assert str(caught.value).startswith(text)
+    assert "`reference=`" not in str(caught.value)
     assert (str(caught.value) == text) is (not text.endswith("(as"))
     if isinstance(error, NoPayloadMass):
         assert (caught.value.mass_kg, caught.value.half_width_kg) == (0.1, 0.2)

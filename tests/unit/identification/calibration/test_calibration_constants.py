@@ -335,6 +335,7 @@ def test_the_note_has_the_factor_or_what_a_percent_would_change():
     assert "by +1.20 +- 0.78 % (measured by a): corrected" in found
     assumed = SessionGains(0.0, 0.01, "as stated").note(2.0, -0.1)
     assert "one standard deviation is 1 % (as stated), and 1 % would change the mass by 5.0 %" in assumed
+    assert assumed.endswith("measures it: `--reference` / `StatedDrift(reference=...)`.")
 
 
 # One run of a calibrated arm -------------------------------------------------------------------------------------
