@@ -51,6 +51,7 @@ _SPIKES: Final = 0.005
 _REASONS: Final = (
     "not finite",
     "impossible value",
+    "same as the row before",
     "time out of range",
     "time not increasing",
     "position jumps",
@@ -74,9 +75,9 @@ class WrongUnit(RecordingError):
 class GarbageFilter:
     """Passes on valid rows, and counts the others by reason.
 
-    Dropped are rows with values that are not finite or impossibly large, with a time stamp that is far from all others
-    or does not increase, with a position that jumps away from its neighbours and back, and with a torque or current
-    that does so on several joints, if there are many of them.
+    Dropped are rows with values that are not finite or impossibly large, equal to the row before, with a time stamp
+    that is far from all others or does not increase, with a position that jumps away from its neighbours and back, and
+    with a torque or current that does so on several joints, if there are many of them.
 
     Args:
         path: Name of the recording in messages.
@@ -194,6 +195,10 @@ def _reasons_to_drop(rows: RowBlock, interval_s: float | None) -> tuple[NDArray[
         absurd |= (np.abs(values[kept]) > _ABSURD[name]).any(axis=1)
     drop(absurd, "impossible value")
     time_s = rows.time_s
+    again = np.diff(time_s[kept], prepend=np.nan) == 0.0
+    for values in measured.values() if again.any() else ():
+        again[1:] &= (values[kept[1:]] == values[kept[:-1]]).all(axis=1)
+    drop(again, "same as the row before")
     if interval_s is None:
         interval_s = float(np.median(np.abs(np.diff(time_s[kept])))) if kept.size > 1 else 0.0
     span_s = 60.0 + 3.0 * interval_s * kept.size

@@ -44,6 +44,19 @@ def kept(rows):
     return np.concatenate(passed).astype(int).tolist(), dict(garbage.reasons)
 
 
+@pytest.mark.parametrize("times", [2, 3])
+def test_rows_that_are_there_several_times_are_counted_and_change_nothing(times):
+    rows = log()
+    again = rows.rows(np.repeat(np.arange(ROWS), times))
+    assert kept(again) == (list(range(0, times * ROWS, times)), {"same as the row before": (times - 1) * ROWS})
+
+
+def test_another_measurement_at_the_same_time_is_no_copy():
+    rows = log().rows(np.repeat(np.arange(ROWS), [2, *[1] * (ROWS - 1)]))
+    rows.current_a[1] += 0.1
+    assert kept(rows)[1] == {"time not increasing": 1}
+
+
 @pytest.mark.parametrize(
     ("quantity", "value", "reason"),
     [

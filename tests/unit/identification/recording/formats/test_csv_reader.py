@@ -63,7 +63,8 @@ def test_garbage_rows_are_dropped_and_counted_by_reason(tmp_path):
         "wrong number of columns": 1,
         "not a number": 1,
         "time out of range": 1,
-        "time not increasing": 2,
+        "same as the row before": 1,
+        "time not increasing": 1,
         "position jumps": 1,
         "truncated last row": 1,
     }
