@@ -38,9 +38,7 @@ def _shown_name(parameter: inspect.Parameter) -> str:
     about = (*getattr(parameter.annotation, "__metadata__", ()), None)[0]
     if isinstance(about, ArgumentInfo):
         return str(about.metavar or parameter.name.upper()).strip("[].")
-    # the first name of an annotated option is Typer's "default"
-    declared = [getattr(about, "default", ""), *(getattr(about, "param_decls", None) or ())]
-    return next((d for d in map(str, declared) if d.startswith("--")), f"--{parameter.name.replace('_', '-')}")
+    return f"--{parameter.name.replace('_', '-')}"
 
 
 def _fields(group: type) -> list[inspect.Parameter]:

@@ -12,6 +12,7 @@ from armload_controller.control_errors import CommissioningError, RecordingFaile
 from armload_controller.cycle.realtime import running_worker
 from armload_controller.feedforward.adaptation import AdaptationDecision
 from armload_controller.session.run_session import Display
+from armload_identification.storage.own_file import require_own
 
 
 class DecisionLog:
@@ -26,10 +27,11 @@ class DecisionLog:
         display: Shows the decisions.
 
     Raises:
-        CommissioningError: the file cannot be written.
+        CommissioningError: the file cannot be written, or has other lines.
     """
 
     def __init__(self, path: Path, robot: str, display: Display) -> None:
+        require_own(path, "decisions", CommissioningError, "--decisions")
         try:
             self._file = path.open("a", encoding="utf-8")
         except OSError as error:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from numbers import Real
 from typing import Final
 
 import numpy as np
@@ -159,13 +160,9 @@ class KnownPayload:
 
 def _require_known(name: str, unit: str, value: float | tuple[float, float]) -> None:
     """Raise unless the value is a number or a range from a lower number to a higher one."""
-    try:
-        known = np.asarray(value)
-    except ValueError:  # entries of several lengths
-        known = np.asarray(None)
-    if known.dtype.kind not in "iuf":
-        argument = "mass_kg" if unit == "kg" else "center_of_mass_m"
-        raise wrong_type(argument, value, f"numbers in {unit}, each one or a range (low, high)")
+    if not all(isinstance(each, Real) for each in np.asarray(value, dtype=object).flat):
+        raise wrong_type("mass_kg" if unit == "kg" else "center_of_mass_m", value, "numbers, or ranges (low, high)")
+    known = np.asarray(value, dtype=np.float64)
     if known.shape not in {(), (2,)} or not np.isfinite(known).all():
         raise ModelError(f"the known {name} is {known.tolist()} {unit}; expected a number, or a range (low, high)")
     if known.shape == (2,) and known[0] >= known[1]:

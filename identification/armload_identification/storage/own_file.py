@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
@@ -35,13 +36,10 @@ def require_own(path: Path, what: str, error: Callable[[str], Exception], option
     """
     if not path.is_file():
         return
-    try:
-        with path.open("rb") as file:
-            there = file.read(_SEARCHED_BYTES)
-    except OSError as problem:
-        raise error(f"{path}: cannot be read: {problem.strerror}. Give another {option}.") from problem
-    if there and _MARKS[what] not in there:
-        raise error(
-            f"{path} exists and is not armload's {what}: it is not overwritten. Give another {option}, or remove the "
-            "file."
-        )
+    with suppress(OSError), path.open("rb") as file:  # what cannot be read is refused, too
+        there = file.read(_SEARCHED_BYTES)
+        if not there or _MARKS[what] in there:
+            return
+    raise error(
+        f"{path} exists and is not armload's {what}: it is not overwritten. Give another {option}, or remove the file."
+    )

@@ -12,7 +12,6 @@ import typer
 from armload_controller.cli.arm_commands.feedforward_bench import Bench, BenchOptions, usable
 from armload_controller.cli.options import ends_of
 from armload_controller.cli.output.feedforward_output import offset_account
-from armload_controller.cli.output.output_files import require_folder
 
 if TYPE_CHECKING:
     from armload_controller.config.robot import Robot
@@ -50,8 +49,6 @@ def feedforward_run(
     from armload_controller.session.session_load import SessionLoad
 
     require_one_kind(payload, expect)
-    if expect is not None:
-        require_folder(decisions, "decisions", "--decisions")
     arm = options.movable_arm()
     declared = None if expect is None else declared_mass(arm, expect)
     given = None if payload is None else usable(arm, payload)

@@ -42,13 +42,13 @@ def test_a_group_is_its_fields_with_those_that_it_inherits_by_keyword():
     assert given.__doc__ == "What it does."
 
 
-def reads(loaded: Annotated[Path, typer.Argument()], output: Annotated[Path, typer.Option("--out", "-o")]) -> None:
+def reads(loaded: Annotated[Path, typer.Argument()], output: Annotated[Path, typer.Option("--output", "-o")]) -> None:
     CALLS.append((loaded, output))
 
 
 def test_a_command_is_not_called_to_write_over_what_it_reads():
     CALLS.clear()
-    with pytest.raises(CommissioningError, match="a is given as --out, to be written, and as LOADED: give another"):
+    with pytest.raises(CommissioningError, match="a is given as --output, to be written, and as LOADED: give another"):
         with_option_groups(reads)(loaded=Path("a"), output=Path("a"))
     assert CALLS == []
 

@@ -32,14 +32,14 @@ class HaltedTerminal(NoDisplay):
 
 def test_the_cycle_does_not_wait_for_a_halted_terminal(tmp_path):
     display, path = HaltedTerminal(), tmp_path / "decisions.jsonl"
-    path.write_text("earlier\n")
+    path.write_text('{"robot": "earlier"}\n')
     with DecisionLog(path, "er50", display) as log:
         for time_s in (1.0, 2.0, 3.0):
             log.report(decision(time_s))
         display.released.set()
     assert display.shown == [(True, str(decision(time_s))) for time_s in (1.0, 2.0, 3.0)]
     earlier, *lines = path.read_text().splitlines()
-    assert earlier == "earlier"
+    assert earlier == '{"robot": "earlier"}'
     assert [json.loads(line) for line in lines] == [{"robot": "er50", **decision(t).to_dict()} for t in (1.0, 2.0, 3.0)]
 
 
@@ -52,6 +52,9 @@ def test_the_thread_runs_before_the_first_decision(tmp_path):
 def test_a_log_that_cannot_be_written_ends_the_run(tmp_path):
     with pytest.raises(CommissioningError, match="choose a --decisions file that can be written"):
         DecisionLog(tmp_path / "none" / "decisions.jsonl", "er50", NoDisplay())
+    (tmp_path / "notes").write_text("mine")
+    with pytest.raises(CommissioningError, match="is not armload's decisions: .* Give another --decisions,"):
+        DecisionLog(tmp_path / "notes", "er50", NoDisplay())
     log = DecisionLog(Path("/dev/full"), "er50", NoDisplay())
     log.report(decision(1.0))
     log._last_written.exception()  # it has been tried
