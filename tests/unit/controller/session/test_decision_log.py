@@ -53,7 +53,7 @@ def test_a_log_that_cannot_be_written_ends_the_run(tmp_path):
     with pytest.raises(CommissioningError, match="choose a --decisions file that can be written"):
         DecisionLog(tmp_path / "none" / "decisions.jsonl", "er50", NoDisplay())
     (tmp_path / "notes").write_text("mine")
-    with pytest.raises(CommissioningError, match="is not armload's decisions: .* Give another --decisions,"):
+    with pytest.raises(CommissioningError, match=r"is not armload's decisions: .* Give another --decisions,"):
         DecisionLog(tmp_path / "notes", "er50", NoDisplay())
     log = DecisionLog(Path("/dev/full"), "er50", NoDisplay())
     log.report(decision(1.0))
