@@ -412,3 +412,32 @@ def test_a_package_that_is_skipped_is_named_once(tmp_path, monkeypatch):
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60.0)
     assert done.stderr.count("kuka of thief 2") == 1
     assert "'label': no such format" in done.stderr
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "identify er50 --loaded a.csv --report there",
+        "identify er50 --loaded a.csv --every 10s --picture there",
+        "validate er50 a.toml --loaded a.csv --unloaded b.csv --report there",
+        "report er50 a.toml --output there",
+        "calibrate er50 a.csv --output there",
+        "calibrate er50 a.csv --output new --report there",
+        "drift er50 a.csv --report there",
+        "drift er50 a.csv --picture there",
+        "design er50 --output there",
+        "watch er50 a.csv --report there",
+        "init --output new.toml",
+        "simulate er50 --write-eds .",
+    ],
+)
+def test_no_command_writes_over_a_file_of_another_kind(armload, tmp_path, monkeypatch, command):
+    """Refused before the inputs are read, which do not exist."""
+    monkeypatch.chdir(tmp_path)
+    joint = load_robot("er50").joint_names[0]
+    names = ("there", "there.png", "new_identification.toml", f"{joint}.eds")
+    for name in names:
+        (tmp_path / name).write_text("time_s,joint_1_position_rad\n")
+    result = armload(*command.split())
+    assert "it is not overwritten" in str(result.exception), (result.output, result.exception)
+    assert all((tmp_path / name).read_text() == "time_s,joint_1_position_rad\n" for name in names)
