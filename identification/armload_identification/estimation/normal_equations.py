@@ -178,8 +178,8 @@ class GroupState:
     def judge(self, noise_nm: FloatArray, *, blows: bool) -> None:
         """Set the weight of the group, and if `blows` which rows are close to one."""
         if blows:
-            size = np.abs(self.weighted_nm) / noise_nm[self.group.noises, None]
-            self.struck = struck_samples(size.max(axis=0), self.group.time_s)
+            # A blow hits one run. What the mean of two shows and their difference does not, the model lacks.
+            self.struck = struck_samples(self.weighted_nm[0] / noise_nm[self.group.first_noise], self.group.time_s)
         self.trust = 1.0 / max(float(self.relative_residual(noise_nm).max()) / Solver.deviates, 1.0) ** 2
 
     def row_weights(self, noise_nm: FloatArray, correlation: FloatArray, *, robust: bool) -> FloatArray:
