@@ -339,8 +339,10 @@ def _require_same_excitation(loaded: Recording, unloaded: Recording) -> None:
 
 def _require_same_path(loaded: Recording, unloaded: Recording, one: Motion, two: Motion) -> FloatArray:
     """(n,) RMS difference of the two motions; raises if it is too great for subtracting their torques."""
-    position = one.states.position_rad
-    mismatch = np.asarray(np.sqrt(np.mean((position - two.states.position_rad) ** 2, axis=0)))
+    known = one.valid & two.valid  # in a gap the motion is not known
+    known |= not known.any()
+    position = one.states.position_rad[known]
+    mismatch = np.asarray(np.sqrt(np.mean((position - two.states.position_rad[known]) ** 2, axis=0)))
     allowed = _allowed_rad(position)
     worst = int(np.argmax(mismatch / allowed))
     if mismatch[worst] > allowed[worst]:

@@ -47,6 +47,15 @@ def test_runs_of_less_than_a_period_are_laid_over_each_other_by_their_phases(run
     assert (signal.mismatch_rad < 1e-3).all()
 
 
+def test_where_a_run_has_a_gap_its_path_is_not_compared(runs):
+    """Through 1.2 s without rows the spline is a tenth of a radian off."""
+    whole = load_signal(*runs())
+    gap = load_signal(*runs(np.r_[0:150, 270:500]))
+    assert (gap.mismatch_rad < 2.0 * whole.mismatch_rad + 1e-3).all()
+    apart = np.abs(gap.loaded.states.position_rad - gap.unloaded.states.position_rad)
+    assert apart[~gap.valid].max() > 0.05
+
+
 @pytest.mark.parametrize(
     ("first", "second", "truncated", "text"),
     [
