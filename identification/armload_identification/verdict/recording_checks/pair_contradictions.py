@@ -250,7 +250,7 @@ def _contradiction_error(joints: NDArray[np.bool_], *, above: bool = False) -> E
         f"factor of {factor:.0f}: the sign of {its} current or torque is flipped, {its} torque constant, gear ratio "
         f"or unit is wrong, or {columns} another joint's"
         + (", or another joint reports a small part of its torque, and little noise. " if above else ". ")
-        + "Correct the configuration or the log."
+        + "Correct the configuration, the direction of gravity included, or the log."
     )
 
 
