@@ -49,7 +49,8 @@ def of_period(position, interval_s=0.01, period_s=1.0, offset_rad=0.0, joints=1,
     shape = np.full((1, harmonics), 0.1)
     series = FourierTrajectory(1.0 / period_s, np.array([offset_rad]), shape, shape)
     states = JointStates(position, *np.zeros((2, *position.shape)))
-    average = motion(states=states, time_s=interval_s * np.arange(len(position)))
+    valid = np.ones(len(position), dtype=bool)
+    average = motion(states=states, time_s=interval_s * np.arange(len(position)), valid=valid)
     source = SimpleNamespace(path="a.mcap", truncated=False)
     recording = SimpleNamespace(n=joints, source=source, excitation=SimpleNamespace(trajectory=series))
     return SimpleNamespace(
