@@ -18,8 +18,15 @@ from armload_identification.float_array import FloatArray
 from armload_identification.model.regressor import PARAMETERS
 
 ROW_S = 0.1
+SAMPLES, STEP_S = 500, 0.02
+"""Of the motion of the fixture `regressor`."""
 WIDE = 1e6
 """Prior standard deviation of a parameter: no knowledge."""
+
+
+def white(arm) -> Noise:
+    """The noise of a simulated arm's joints, known, row by row."""
+    return Noise.given(arm.noise_nm, np.ones(6))
 
 
 def rows_of(

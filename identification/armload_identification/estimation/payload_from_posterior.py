@@ -149,9 +149,8 @@ class PayloadEstimate:
         Args:
             torque_nm: (k, N, n) axis torque of the loaded run for one standard deviation of each, group by group.
         """
-        return replace(
-            self, shifts=np.vstack([self.shifts, self.posterior.response(*torque_nm)[self._payload_place].T])
-        )
+        answer = self.posterior.response(*torque_nm)[self._payload_place]
+        return replace(self, shifts=np.vstack([self.shifts, answer.T]))
 
     @property
     def drifting(self) -> FloatArray:

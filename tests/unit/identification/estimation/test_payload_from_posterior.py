@@ -14,30 +14,16 @@ from armload_identification.estimation.payload_problem import single_problem
 from armload_identification.estimation.problem import Noise
 from armload_identification.estimation.solve import solve
 from armload_identification.model.payload import InertialParameters, derived
-from armload_identification.model.regressor import payload_regressor
 from armload_identification.signals.recorded_run import Run
-from tests.payload_rows import payload_of
+from tests.payload_rows import SAMPLES, payload_of, white
 
 pytestmark = pytest.mark.pure
-
-SAMPLES = 500
-STEP_S = 0.02
-
-
-@pytest.fixture(scope="module")
-def regressor(pinocchio_arm):
-    state = pinocchio_arm.trajectory(period_s=SAMPLES * STEP_S).evaluate(np.arange(SAMPLES) * STEP_S)
-    return payload_regressor(pinocchio_arm.chain, state.position_rad, state.velocity_rad_s, state.acceleration_rad_s2)
 
 
 @pytest.fixture(scope="module")
 def torque(regressor, pinocchio_arm):
     noise = np.random.default_rng(2).normal(size=(SAMPLES, 6)) * pinocchio_arm.noise_nm
     return regressor @ pinocchio_arm.payload.theta + noise
-
-
-def white(arm):
-    return Noise.given(arm.noise_nm, np.ones(6))
 
 
 def slope_at(theta):

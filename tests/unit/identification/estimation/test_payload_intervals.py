@@ -14,18 +14,9 @@ from armload_identification.estimation.problem import Noise
 from armload_identification.estimation.residual_spectrum import FREEST
 from armload_identification.model.payload import PARAMETER_NAMES, InertialParameters, derived
 from armload_identification.model.regressor import payload_regressor
-from tests.payload_rows import exactly, payload_of
+from tests.payload_rows import SAMPLES, STEP_S, exactly, payload_of, white
 
 pytestmark = pytest.mark.pure
-
-SAMPLES = 500
-STEP_S = 0.02
-
-
-@pytest.fixture(scope="module")
-def regressor(pinocchio_arm):
-    state = pinocchio_arm.trajectory(period_s=SAMPLES * STEP_S).evaluate(np.arange(SAMPLES) * STEP_S)
-    return payload_regressor(pinocchio_arm.chain, state.position_rad, state.velocity_rad_s, state.acceleration_rad_s2)
 
 
 def coloured(rng, samples, memory_s):
@@ -34,10 +25,6 @@ def coloured(rng, samples, memory_s):
     drive = rng.normal(size=(samples + 500, 6)) * np.sqrt(1.0 - decay**2)
     slow = lfilter([1.0], [1.0, -decay], drive, axis=0)[500:]
     return np.sqrt(0.7) * rng.normal(size=(samples, 6)) + np.sqrt(0.3) * slow
-
-
-def of_known_noise(arm):
-    return Noise.given(arm.noise_nm, np.ones(6))
 
 
 @pytest.mark.parametrize(
@@ -155,7 +142,7 @@ def test_rows_that_are_left_out_take_their_share_of_the_precision(regressor, pin
     for seed in range(10):
         noise = np.random.default_rng(seed).normal(size=(SAMPLES, 6)) * pinocchio_arm.noise_nm
         torque = regressor @ pinocchio_arm.payload.theta + noise
-        found = payload_of(regressor, torque, of_known_noise(pinocchio_arm), weight=used)
+        found = payload_of(regressor, torque, white(pinocchio_arm), weight=used)
         ratio.append(np.diag(quantify(found, InertialParameters(found.theta)).covariance) / textbook)
     assert 0.85 <= np.mean(ratio) <= 1.25, np.mean(ratio)
 
@@ -164,7 +151,7 @@ def test_variances_are_at_least_those_of_samples_that_overlapping_rows_share(reg
     """Rows that a fit explains without any residual: the variance is that of the least noise and its correlation."""
     faded = np.array([1.0, 0.6, 0.2])
     torque = regressor @ pinocchio_arm.payload.theta
-    least = replace(of_known_noise(pinocchio_arm), least_correlation=faded[None])
+    least = replace(white(pinocchio_arm), least_correlation=faded[None])
     found = payload_of(regressor, torque, least)
     rows = regressor / pinocchio_arm.noise_nm[:, None]
     answer = np.linalg.solve(np.einsum("tjk,tjl->kl", rows, rows), np.moveaxis(rows, 2, 0).reshape(10, -1))
