@@ -193,7 +193,7 @@ class Posterior:
         return np.asarray(contrast @ whole @ contrast.T)
 
     def response(self, *torque_nm: FloatArray) -> FloatArray:
-        """(s, k) changes of the shared unknowns by (k, N, n) axis torque on the first runs of groups 0, 1, and so on."""
+        """(s, k) changes of the shared unknowns by (k, N, n) axis torque on the first runs of groups 0, 1 and so on."""
         whole = np.zeros((self.problem.shared_size, len(torque_nm[0])))
         whole[self._free] = solved(self.information, self._added(torque_nm, 0)[2])
         return whole
