@@ -56,9 +56,9 @@ class Goal:
         stop: Reason for a final stop; None if none was requested.
     """
 
-    share: float = 1.0
-    paused: bool = False
-    stop: StopRequested | None = None
+    share: float
+    paused: bool
+    stop: StopRequested | None
 
 
 class MotionControl:
