@@ -109,6 +109,12 @@ def test_a_residual_of_zero_has_no_variance_and_all_freedom(basis):
     np.testing.assert_array_equal(spectrum.freedom(np.eye(4)), FREEST)
 
 
+def test_bins_without_the_motion_are_left_out(basis):
+    """It is in bins 1 to 5 of 201; those of the widest window are kept on either side."""
+    spectrum = ResidualSpectrum(basis, white(np.random.default_rng(1)), np.ones((SAMPLES, 2)))
+    assert len(spectrum._power_along(np.eye(4))) == 5 + 2 * 8
+
+
 def test_memory_grows_with_the_samples_and_not_with_their_square():
     """37,000 rows of an aperiodic run took 5.8 GB; white rows keep every bin."""
     rng = np.random.default_rng(9)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.file_reading import read_recording_file
+from armload_identification.recording.formats.csv_reader import _Layout
 from armload_identification.recording.reading_options import ReadingOptions
 from tests.recording_files import csv_rows, write_csv
 
@@ -196,3 +199,18 @@ def test_a_line_without_an_end_is_no_table(tmp_path):
     path.write_bytes(b"1," * 2**19 + b"1\n")
     with pytest.raises(RecordingError, match="a line of more than 1048576 bytes, so it is no table"):
         read_recording_file(path, COLUMNS)
+
+
+@pytest.mark.parametrize("rows", [1, 3])
+def test_rows_without_text_are_read_at_once(rows):
+    """Field by field takes four times as long."""
+
+    class Line(str):
+        def split(self, *_):
+            raise AssertionError(f"{self!r} is read field by field")
+
+    lines = [f"{i},{i}.5,2" for i in range(rows)]
+    layout = _Layout(Path("x.csv"), ReadingOptions(CsvColumns(0, [1])), None, lines)
+    table, unreadable = layout.numbers(list(map(Line, lines)))
+    assert table.tolist() == [[i, i + 0.5] for i in range(rows)]
+    assert unreadable == 0
