@@ -196,6 +196,12 @@ def test_a_compact_array_is_expanded():
     assert [key for key in description.objects if key >> 8 == 0x1010] == [0x101000, 0x101001, 0x101002, 0x101003]
 
 
+@pytest.mark.parametrize("kind", [8, 9], ids=["array", "record"])
+def test_an_array_without_elements_has_no_value(kind):
+    description = load(GOOD + f"\n[1003]\nParameterName=Errors\nObjectType={kind}\nDataType=7\nAccessType=ro\n")
+    assert not any(key >> 8 == 0x1003 for key in description.objects)
+
+
 def test_bytes_that_are_no_utf8_are_reported():
     description = load(GOOD.replace("Somebody", "Schm\u00fcller").encode("latin-1"))
     assert description.vendor_name == "Schm\u00fcller"

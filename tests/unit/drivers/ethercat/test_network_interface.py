@@ -153,7 +153,11 @@ def test_rights_that_are_lacking_are_named(monkeypatch, rights, lacking):
 
 @pytest.mark.parametrize(("flags", "runs"), [(0x41, True), (0x1043, True), (0x01, False), (0x40, False), (0, False)])
 def test_an_interface_runs_if_it_is_up_with_a_cable(monkeypatch, flags, runs):
-    monkeypatch.setattr(network_interface.fcntl, "ioctl", lambda *_: bytes(16) + struct.pack("<H", flags) + bytes(14))
+    def kernel(of, request, name):
+        assert request == 0x8913, "SIOCGIFFLAGS of linux/sockios.h: the next number sets the flags"
+        return name[:16] + struct.pack("<H", flags) + bytes(14)
+
+    monkeypatch.setattr(network_interface.fcntl, "ioctl", kernel)
     assert is_running("eth9") is runs
 
 
