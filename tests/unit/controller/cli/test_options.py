@@ -1,9 +1,9 @@
-"""Times and shares as options state them."""
+"""Times, shares and ranges as options state them."""
 
 import pytest
 import typer
 
-from armload_controller.cli.options import duration_s, share, time_s
+from armload_controller.cli.options import duration_s, ends_of, share, time_s
 
 pytestmark = pytest.mark.pure
 
@@ -47,3 +47,12 @@ def test_shares_are_percents_or_numbers(text, value):
 def test_what_is_no_share_is_refused(text):
     with pytest.raises(typer.BadParameter, match=r"expected a share such as 3% or 0\.03"):
         share(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "ends"),
+    [("1..3", [1.0, 3.0]), ("1.5 .. 3kg", [1.5, 3.0]), ("2.1kg", [2.1]), ("-1..1", [-1.0, 1.0])]
+    + [(text, []) for text in ("", "much", "1...3", "1..", "1..3 g")],
+)
+def test_a_range_has_two_ends_a_number_one_and_text_none(text, ends):
+    assert ends_of(text, "kg") == ends

@@ -20,7 +20,14 @@ from armload_controller.cli.arm_commands.commission_command import mounting_ques
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import ConfigurationError, UnsafeBus
 from armload_controller.session import arm_access
-from armload_controller.session.arm_access import arm_on_bus, clock_from_now, open_arm, open_bus, require_rules
+from armload_controller.session.arm_access import (
+    arm_on_bus,
+    clock_from_now,
+    open_arm,
+    open_bus,
+    require_rules,
+    simulated_arm,
+)
 from armload_controller.session.session_load import SessionLoad
 from armload_drivers.cia402.arm_settings import Identity
 from armload_drivers.driver_errors import BusError, WrongDevice
@@ -110,6 +117,27 @@ def test_simulated_drives_need_not_catch_up_with_the_time_since_the_machine_was_
     first_s = clock()
     assert 0.0 <= first_s < 5.0
     assert clock() >= first_s
+
+
+def test_the_loaded_run_of_a_simulation_is_its_second(monkeypatch, named):
+    """It has noise of its own and, of the harsh twin, 3 % more friction."""
+    robot, specs = load_robot(str(named((r"^\[simulation\]$", '[simulation]\nvariant = "harsh"')))), []
+
+    class Asked(Exception):
+        pass
+
+    def plant(spec):
+        specs.append(spec)
+        raise Asked
+
+    monkeypatch.setattr(arm_access, "ArmPlant", plant)
+    for load in (SessionLoad.UNLOADED, SessionLoad.LOADED):
+        with pytest.raises(Asked), simulated_arm(robot, load):
+            pass
+    empty, loaded = specs
+    assert (empty.payload, empty.friction_scale) == (None, 1.0)
+    assert (loaded.payload.mass_kg, loaded.friction_scale) == pytest.approx((3.0, 1.03))
+    assert loaded.seed == empty.seed + 1
 
 
 @pytest.mark.parametrize("interface", ["socketcan", "pcan", "slcan"])
