@@ -9,6 +9,7 @@ from __future__ import annotations
 import bisect
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -40,6 +41,7 @@ _CREEP_RAD_S: Final = 0.01
 _MOVED_FAR_RAD: Final = 0.1
 _MEDIAN_ROWS: Final = 5
 """Rows over which a median position hides those that are wrong."""
+_TURN_RAD: Final = 2.0 * np.pi
 _LARGEST_ANGLE_RAD: Final = 6.0 * np.pi
 """Joints that turn further are logged modulo one turn; greater angles are in degrees."""
 _SPIKE_WINDOW: Final = 5
@@ -48,6 +50,8 @@ _SPIKE: Final = 6.0
 deviations of white noise. A step, as at a reversal, does not deviate."""
 _SPIKES: Final = 0.005
 """Least share of rows with spikes: a few hard stops are genuine, and the weights of the fit bear them."""
+_CLOCK_SET_BACK: Final = 0.05
+"""Least share of rows in a row that do not follow in time, if the clock started again: setting it costs fewer."""
 _REASONS: Final = (
     "not finite",
     "impossible value",
@@ -77,7 +81,8 @@ class GarbageFilter:
 
     Dropped are rows with values that are not finite or impossibly large, equal to the row before, with a time stamp
     that is far from all others or does not increase, with a position that jumps away from its neighbours and back, and
-    with a torque or current that does so on several joints, if there are many of them.
+    with a torque or current that does so on several joints, if there are many of them. Positions that were recorded
+    modulo one turn go on.
 
     Args:
         path: Name of the recording in messages.
@@ -93,6 +98,7 @@ class GarbageFilter:
         self._waiting: list[RowBlock] = []
         self._before: RowBlock | None = None
         self._interval_s: float | None = None
+        self._turned_rad: FloatArray | float = 0.0
         self.reasons: Counter[str] = Counter()
 
     def valid(self, blocks: Iterable[RowBlock]) -> Iterator[RowBlock]:
@@ -149,6 +155,8 @@ class GarbageFilter:
         window = rows if self._before is None else joined([self._before, rows])
         known = window.size - rows.size
         verdict, self._interval_s = _reasons_to_drop(window, self._interval_s)
+        if first:
+            refuse_clock_that_started_again(self.path, window.time_s, verdict == _REASONS.index("time not increasing"))
         if first and np.count_nonzero(verdict == _KEPT) > 1:
             refuse_time_unit(self.path, self._interval_s)
             valid = np.flatnonzero(verdict == _KEPT)
@@ -163,11 +171,25 @@ class GarbageFilter:
         kept = rows.rows(slice(0, settled)) if good.all() else rows.rows(np.flatnonzero(good))
         self._waiting = [rows.rows(slice(settled, None))] if left else []
         recent = kept if self._before is None else joined([self._before, kept])
+        kept = self._without_turns(kept, first)
         if recent.size:
             self._before = recent.rows(slice(max(recent.size - _JUMP_WINDOW, 0), None))
         if first and kept.velocity_rad_s is not None and kept.size > 1:
             refuse_mixed_units(self.path, kept.time_s, kept.position_rad, kept.velocity_rad_s)
         return kept
+
+    def _without_turns(self, kept: RowBlock, first: bool) -> RowBlock:
+        """The rows with positions that go on where they were recorded modulo one turn."""
+        rows = kept if self._before is None else joined([self._before.rows(slice(-1, None)), kept])
+        turns = -np.round(np.diff(rows.position_rad, axis=0) / _TURN_RAD)
+        turns[np.diff(rows.time_s) > _LONGEST_INTERVAL_S] = 0.0  # long enough to turn that far
+        if first and turns.any():
+            self._turned_rad = np.where(turns.any(axis=0), -_TURN_RAD * np.round(rows.position_rad[0] / _TURN_RAD), 0.0)
+        if not (turns.any() or np.any(self._turned_rad)):
+            return kept
+        turned_rad = self._turned_rad + _TURN_RAD * np.cumsum(np.pad(turns, ((1, 0), (0, 0))), axis=0)[-kept.size :]
+        self._turned_rad = turned_rad[-1]
+        return replace(kept, position_rad=kept.position_rad + turned_rad)
 
 
 def _reasons_to_drop(rows: RowBlock, interval_s: float | None) -> tuple[NDArray[np.intp], float]:
@@ -276,6 +298,18 @@ def refuse_degrees(path: Path, rows: RowBlock) -> None:
         "like degrees: convert them.",
         dict.fromkeys(["position_rad", "velocity_rad_s"] if alike else ["position_rad"], DEGREE_RAD),
     )
+
+
+def refuse_clock_that_started_again(path: Path, time_s: FloatArray, dropped: NDArray[np.bool_]) -> None:
+    """Raise if (N,) times go back for long: the rows that remain would be of two motions, and look like one."""
+    for begin, end in np.flatnonzero(np.diff(np.pad(dropped, 1))).reshape(-1, 2):
+        steps_s = np.diff(time_s[max(begin - 1, 0) : end + 1])
+        if end - begin > _CLOCK_SET_BACK * dropped.size and steps_s.min() < 0.0 < np.median(steps_s):
+            row = max(begin - 1, 0) + int(np.argmin(steps_s)) + 2
+            raise RecordingError(
+                f"{path}: the time stamps start again at row {row} of {dropped.size}, {-steps_s.min():.3g} s earlier "
+                "than the row before. The recording contains several runs: give each its own file."
+            )
 
 
 def refuse_time_unit(path: Path, interval_s: float) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -42,6 +43,7 @@ def usable_runs(
     if len(recordings) == 2:
         for of_both in PAIR_CHECKS:
             of_both(*recordings)
+        recordings = [recordings[0], _on_the_turns_of(*recordings)]
     runs = [Run.of(recording, transmission) for recording in recordings]
     for run in runs:
         for of_one in RUN_CHECKS:
@@ -52,6 +54,15 @@ def usable_runs(
 def _moves(run: Run) -> NDArray[np.bool_]:
     """(n,) True for joints that evidently move."""
     return np.asarray(np.ptp(run.recording.position_rad, axis=0) > RunLevels.evident_travel_rad)
+
+
+def _on_the_turns_of(loaded: Recording, unloaded: Recording) -> Recording:
+    """The unloaded run, with joints whole turns away from the loaded run's, where the same torque holds, on theirs."""
+    apart = np.median(loaded.position_rad, axis=0) - np.median(unloaded.position_rad, axis=0)
+    turns = np.round(apart / (2.0 * np.pi))
+    if not turns.any() or unloaded.average is not None:
+        return unloaded
+    return replace(unloaded, position_rad=unloaded.position_rad + 2.0 * np.pi * turns)
 
 
 def _refuse_the_same_file(loaded: Recording, unloaded: Recording) -> None:

@@ -130,6 +130,21 @@ def test_blocks_of_any_size_give_the_same_rows(block):
     assert sum(garbage.reasons.values()) == rows.size - found.size
 
 
+@pytest.mark.parametrize(("block", "gap_s"), [(7, 0.0), (150_000, 0.0), (150_000, 0.51)])
+def test_positions_modulo_one_turn_go_on(block, gap_s):
+    rows = replace(log(150_000 if block > 7 else 3000, joints=2, interval_s=1e-3), velocity_rad_s=None)
+    turning, swinging = 0.5 * (rows.time_s - 100.0) + 1.0, 0.5 * np.sin(rows.time_s)
+    modulo = np.column_stack([turning % (2.0 * np.pi), swinging % (2.0 * np.pi)])
+    at = int(np.argmax(np.diff(modulo[:, 0]) < -3.0)) + 1
+    time_s = rows.time_s + gap_s * (np.arange(rows.size) >= at)
+    rows = replace(rows, time_s=time_s, position_rad=modulo)
+    parts = (rows.rows(slice(first, first + block)) for first in range(0, rows.size, block))
+    found = np.concatenate([part.position_rad for part in GarbageFilter(PATH).valid(parts)])
+    if gap_s:  # long enough for a turn: it may have been made
+        turning[at:] -= 2.0 * np.pi
+    np.testing.assert_allclose(found, np.column_stack([turning, swinging]), atol=1e-9)
+
+
 def test_a_log_needs_effort_unless_it_does_not_matter():
     bare = replace(log(), current_a=None)
     with pytest.raises(RecordingError, match=r"log\.csv: the recording has neither motor current nor joint torque"):
@@ -165,6 +180,19 @@ def refused(check, *given):
     except WrongUnit as error:
         return str(error), error.factors
     return "", {}
+
+
+@pytest.mark.parametrize(("second", "refuses"), [(200, True), (40, True), (20, False)])
+def test_a_clock_that_starts_again_is_two_runs(second, refuses):
+    rows = log()
+    time_s = rows.time_s.copy()
+    time_s[-second:] += 100.0 - time_s[-second]
+    if not refuses:
+        assert kept(replace(rows, time_s=time_s))[1] == {"time not increasing": second}
+        return
+    with pytest.raises(RecordingError, match=f"start again at row {ROWS - second + 1} of {ROWS}") as found:
+        kept(replace(rows, time_s=time_s))
+    assert str(found.value).endswith("The recording contains several runs: give each its own file.")
 
 
 @pytest.mark.parametrize(

@@ -69,6 +69,13 @@ def test_two_runs_are_two_files_of_this_arm_with_one_quantity(gate, run):
     gate(labelled(run, None, "1"), torque, refused="torque")
 
 
+def test_a_joint_a_turn_away_from_the_loaded_runs_is_on_its_turn(gate, run):
+    turn = 2.0 * np.pi * np.array([1, 0, 0, -1, 0, 0])
+    moved = replace(labelled(run, None, "2"), position_rad=run.position_rad + turn)
+    first, second = gate(labelled(run, None, "1"), moved)
+    np.testing.assert_allclose(second.recording.position_rad, first.recording.position_rad, atol=1e-12)
+
+
 def with_velocity(run, change):
     velocity = np.gradient(run.position_rad, run.time_s, axis=0)
     return replace(run, velocity_rad_s=change(velocity))
