@@ -8,6 +8,10 @@ likelihood: with x of prior standard deviation s and posterior variance v,
 
     s^2 = (sum x^2 + nu s_0^2) / (gamma + nu),      gamma = count - sum v / s^2
 
+Where it is a share of the joint's friction, it is the less the higher the gain. If it were held, a higher gain would
+explain such differences by smaller ones, and nothing else shows the scale that all gains have in common: with a stated
+deviation of the scale of 10 % the mass was 19 % too low.
+
 Rows are weighted by the speed of the joint and by Huber's function; their variance is that of the residual times its
 integrated autocorrelation, corrected for what the unknowns absorbed of it. Rows close to a blow to the arm are excluded
 on all joints. A group that deviates as a whole has less weight, so that the others dominate.
@@ -107,6 +111,9 @@ class _Solver:
         self._correlation = np.tile(start, (combinations, 1))
         gains = [places[place] for term in problem.terms if term.law is Shared.GAIN for place in problem.places(term)]
         self._gains = np.concatenate([places[:0], *gains])
+        shares = [places[place] for term in problem.terms if term.rescaled for place in problem.places(term)]
+        self._shares = np.concatenate([places[:0], *shares])
+        self._adapted()
         self._update()
 
     def start_from(self, other: Posterior) -> None:
@@ -114,6 +121,7 @@ class _Solver:
         self._x, self._noise, self._correlation = other.x.copy(), other.noise_nm.copy(), other.correlation.copy()
         own = self._shared
         self._deviation[own:] = other.deviation[own:]
+        self._adapted()
         for state, before in zip(self._groups, other.groups, strict=True):
             state.struck, state.trust = before.struck, before.trust
         self._update()
@@ -123,7 +131,7 @@ class _Solver:
         eliminated = self._eliminated()
         information, gradient = self._prior_equations()
         information = information + np.sum([part.information for part in eliminated], axis=0)
-        gradient = gradient + np.sum([part.gradient for part in eliminated], axis=0)
+        gradient = gradient + np.sum([part.gradient for part in eliminated], axis=0) - self._pull_on_gains()
         step = solved(information, gradient)
         bread = solved(information, np.eye(len(information)))
         self._covariances = [part.covariance(bread) for part in eliminated]
@@ -159,6 +167,7 @@ class _Solver:
         if rough:
             self._pool()
             self._mean, self._deviation = self._problem.prior(self._x, self._factors)
+            self._adapted()
 
     def _pool(self) -> None:
         """Update the factors on the standard deviations of pooled terms."""
@@ -226,9 +235,25 @@ class _Solver:
         )
 
     def _update(self) -> None:
-        """The residuals of all groups."""
+        """The residuals of all groups, and shares of a friction that is less with a higher gain."""
         for state in self._groups:
             state.move_to(self._x)
+        if self._shares.size:
+            higher = self._x[self._gains] - self._adapted_gains
+            self._deviation = self._adapted_deviation.copy()
+            self._deviation[self._shares] *= np.exp(-np.resize(higher, self._shares.size))
+
+    def _adapted(self) -> None:
+        """Remember at which gains the standard deviations were adapted."""
+        self._adapted_deviation, self._adapted_gains = self._deviation, self._x[self._gains]
+
+    def _pull_on_gains(self) -> FloatArray:
+        """Gradient of the free shared unknowns by priors that are shares of the friction."""
+        pull = np.zeros(self._shared)
+        if self._shares.size:
+            relative = self._x[self._shares] / self._deviation[self._shares]
+            pull[self._gains] = np.sum(relative.reshape(-1, self._gains.size) ** 2, axis=0)
+        return pull[self._shared_free]
 
     def _prior_equations(self) -> tuple[FloatArray, FloatArray]:
         """Information and gradient of the free shared unknowns by their priors."""

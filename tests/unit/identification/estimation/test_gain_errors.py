@@ -186,6 +186,13 @@ def test_the_scale_stays_what_was_assumed(found):
     np.testing.assert_allclose(other.gains.log_gain, one.gains.log_gain, atol=1e-3)
 
 
+def test_an_uncertain_scale_widens_the_interval_and_moves_nothing(found):
+    """Friction that differs between the runs explains no scale."""
+    wide = found(1, transmission=replace(nominal_transmission(exact=False), scale_deviation=0.1))
+    assert wide.parameters.mass_kg == pytest.approx(found(1).parameters.mass_kg, rel=0.01)
+    assert wide.uncertainty.half_width_95[0] == pytest.approx(0.196 * wide.parameters.mass_kg, rel=0.1)
+
+
 def test_a_known_mass_shows_the_error_that_all_gains_have_in_common(found, panda):
     pair = panda.pair(1, with_phase=True)
     mass_kg = 1.005 * found(1).plain.theta[0]
