@@ -98,7 +98,7 @@ def _on_times(found: Identification) -> Iterator[str]:
         yield (
             f"The torque belongs to positions {1e3 * abs(delay_s):.0f} ms {'before' if delay_s > 0.0 else 'after'} it. "
             "Mass and centre of mass may lie outside their intervals. Check that torque and position have the same "
-            "time stamps."
+            "time stamps, and that neither is smoothed."
         )
 
 
@@ -166,7 +166,8 @@ def _on_contradictions(gains: GainFit | None) -> Iterator[str]:
         allowed = NORMAL_HALF_WIDTH * gains.assumed_deviation[joint]
         yield (
             f"The data contradict the drive gain of joint {joint + 1}: according to the other joints it is {off} "
-            f"than assumed (95 %: {low} to {high}), and the intervals allow for {100.0 * allowed:.1f} %. "
+            f"than assumed (95 %, with what all gains have in common: {low} to {high}), and the intervals allow for "
+            f"{100.0 * allowed:.1f} %. "
             "It was estimated with the payload. Check its torque constant and gear ratio, or calibrate the arm: "
             "`armload calibrate`."
         )
@@ -279,8 +280,9 @@ def misfit_notes(found: Identification) -> Iterator[str]:
     strange = (size > PayloadFit.loud * signal.averaged_noise_nm) & (rest > PayloadFit.poor_share * size)
     if strange.any():
         yield (
-            f"A payload does not explain the torque difference of {numbered_joints(strange)}: check the joint order of "
-            "positions and currents, and that the configuration belongs to this arm."
+            f"A payload does not explain the torque difference of {numbered_joints(strange)}: friction changed, as "
+            "when gears warm up or a brake drags, or the joint order of positions and currents or the configuration is "
+            "not this arm's."
         )
 
 

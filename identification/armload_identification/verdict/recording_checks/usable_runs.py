@@ -33,8 +33,8 @@ def usable_runs(
 
     Raises:
         RecordingError: another arm's recording, or one with another quantity than the calibration's; two runs that are
-            mixed up; no motion; a velocity that is not the position's, or a torque column that is constant, stuck for a
-            part of the run, saturated, or of the wrong sign.
+            mixed up; no motion; a velocity that is not the position's, or a torque column that is constant, absolute,
+            stuck for a part of the run, saturated, or of the wrong sign.
     """
     checks = [partial(check_joints, n=n), *([] if effort is None else [partial(require_effort, effort=effort)])]
     for recording in recordings:
@@ -164,6 +164,17 @@ def _refuse_constant(run: Run) -> None:
         )
 
 
+def _refuse_absolute(run: Run) -> None:
+    """Raise for torques that come to zero and never cross it: friction alone changes their sign at each reversal."""
+    measured = reported_effort(run.recording)[:, _moves(run)]
+    reaches_zero = measured.min(axis=0) < RunLevels.zero_share * measured.max(axis=0)
+    if (measured >= 0.0).all() and reaches_zero.sum() > 1:
+        raise RecordingError(
+            f"{run.recording.source.path}: no joint's current or torque is ever negative, although some come to zero: "
+            "absolute values were recorded. Record them with their sign."
+        )
+
+
 def _refuse_saturation(run: Run) -> None:
     """Raise for a run in which a moving joint's torque stays at its greatest value, longer than at any other."""
     rows, repeats = run.recording, run.repeats
@@ -227,6 +238,7 @@ RUN_CHECKS = (
     _refuse_velocity,
     _refuse_velocity_as_effort,
     _refuse_constant,
+    _refuse_absolute,
     _refuse_saturation,
     _refuse_stuck,
     _refuse_fed_energy,

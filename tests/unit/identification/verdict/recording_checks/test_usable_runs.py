@@ -98,6 +98,12 @@ def test_a_velocity_is_the_derivative_of_the_position(gate, run, change, refused
     gate(with_velocity(run, change), refused=refused)
 
 
+def test_torques_without_their_signs_are_named(gate, run):
+    gate(replace(run, current_a=np.abs(run.current_a)), refused="no joint's .* absolute values were recorded")
+    above_zero = run.current_a - run.current_a.min(axis=0)
+    gate(replace(run, current_a=above_zero + 0.02 * above_zero.max(axis=0)))
+
+
 @pytest.mark.parametrize(("joints", "refused"), [(6, True), (5, False)])
 def test_a_velocity_on_every_joint_is_no_current(gate, run, joints, refused):
     velocity = np.gradient(run.position_rad, run.time_s, axis=0)
