@@ -329,6 +329,8 @@ def _limits(tree: UrdfTree, joint: UrdfJoint) -> tuple[float, float, float, floa
         lower, upper = -math.inf, math.inf
     else:
         lower, upper = (tree.number(owner, "limit", limit, key) for key in ("lower", "upper"))
+        if not lower < upper:  # as some programs write unspecified limits
+            lower = upper = math.nan
     velocity, effort = (tree.number(owner, "limit", limit, key) for key in ("velocity", "effort"))
     damping, friction = (tree.number(owner, "dynamics", dynamics, key) for key in ("damping", "friction"))
     return lower, upper, velocity, effort, damping, friction

@@ -40,8 +40,6 @@ def draft_of_urdf(arm: UrdfArm) -> ArmDraft:
     known |= {
         name: np.where(known[name] > 0.0, known[name], np.nan) for name in ("velocity_max_rad_s", "torque_max_nm")
     }
-    has_range = arm.position_min_rad < arm.position_max_rad
-    known |= {name: np.where(has_range, known[name], np.nan) for name in ("position_min_rad", "position_max_rad")}
     return ArmDraft(
         **known,
         description=f"drafted from {Path(arm.file).name}, {arm.base} to {arm.flange}",

@@ -153,7 +153,7 @@ def _wrong_scale(run: Recording, joint: str, scale: float) -> RecordingError:
     if scale < 1.0:
         guess = (
             "The torques look like those of the motors, on the input side of the gears: multiply them by the gear "
-            "ratio, or correct gear_ratio and torque_constant_nm_a."
+            "ratio, or correct gear_ratio and torque_constant_nm_a, or the links if their file has g or mm."
         )
     elif 1.0 / Magnitudes.milli_within <= scale / 1000.0 <= Magnitudes.milli_within:
         guess = "Torques look like N mm, or currents like milliampere: convert them to N m or A."

@@ -94,6 +94,12 @@ def test_limits_and_friction_are_taken_where_they_are_given(written):
     np.testing.assert_array_equal(arm.coulomb_nm, [nan, nan, 1.2, nan, nan])
 
 
+def test_a_range_of_nothing_is_no_range(written):
+    arm = read_urdf_arm(written(plain().replace('lower="-2" upper="1.5"', 'lower="0" upper="0"', 1)))
+    assert np.isnan([arm.position_min_rad[0], arm.position_max_rad[0]]).all()
+    np.testing.assert_array_equal(arm.position_max_rad[2:], [1.5, 1.5, 1])
+
+
 def test_an_axis_that_is_not_given_is_x(written):
     arm = read_urdf_arm(written(plain()))
     np.testing.assert_array_equal(arm.chain.axis[-1], [1.0, 0.0, 0.0])

@@ -73,7 +73,7 @@ def test_what_the_arm_can_have_passes(judged):
         ({"turn": 15.0}, "base goes from -18 to 18, its range is -2 to 2 rad. The positions look like degrees"),
         ({"shift": 1.5}, "base goes from 0.3 to 2.7, its range is -2 to 2 rad. Is this a recording of another arm"),
         ({"strength": 1000.0}, "times its greatest torque.*Currents look like milliampere, or torques like N mm"),
-        ({"strength": 0.01}, "look like those of the motors, on the input side of the gears"),
+        ({"strength": 0.01}, "look like those of the motors, on the input side of the gears.* if their file has g"),
         ({"strength": 1000.0, "torque_max_nm": np.full(6, np.nan)}, "Torques look like N mm, or currents like"),
         ({"strength": 40.0, "torque_max_nm": np.full(6, np.nan)}, "Is this a recording of this arm, in N m or A"),
     ],
