@@ -44,8 +44,8 @@ if TYPE_CHECKING:
 DETERMINED_WITHIN: Final = 0.05
 """A gain is determined if the half width of its 95 % interval is at most this share of it."""
 COLD: Final = 0.2
-"""Relative standard deviation of friction between days: a cold gear has more than a warm one. It is not visible in the
-runs of a calibration, often of one hour, which differ by 2 %."""
+"""Relative standard deviation of all friction between days: a cold gear has more than a warm one. It is not visible in
+the runs of a calibration, often of one hour, which differ by 2 %."""
 _FIRMLY: Final = 100.0
 """How many times more firmly than they are known the arm's values are held while a payload is estimated: estimated
 with it, they take up what no term describes, and a payload of another day is 0.7 instead of 0.35 % off."""
@@ -304,6 +304,7 @@ class ArmCalibration:
             self._joint_rms(self.level_nm),
             drift=self.drift,
             friction_spread=self.friction_spread,
+            load_friction_spread=COLD * np.abs(body.load_friction),
             noise_nm=self._joint_rms(self.noise_nm),
             correlation_s=self.correlation_s,
             terms=tuple(known_arm_terms(values, "the calibration", np.inf)),

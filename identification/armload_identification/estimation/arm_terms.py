@@ -34,7 +34,8 @@ CHANGES: Final = 3
 """Changes of a run's friction per joint: Coulomb, viscous, offset."""
 GAIN, LINKS, ROTORS, LOAD_FRICTION = "log_h", "links", "rotors", "load"
 COULOMB, VISCOUS, ROOT, DELAY, TILT = "coulomb", "viscous", "root", "delay", "tilt"
-PAYLOAD, FRICTION_CHANGE, SESSION_FRICTION = "payload", "friction change", "friction of the session"
+PAYLOAD, FRICTION_CHANGE = "payload", "friction change"
+SESSION_FRICTION, SESSION_LOAD = "friction of the session", "load friction of the session"
 RECORDER: Final = "recorder"
 ARM_TERMS: Final = (GAIN, LINKS, ROTORS, LOAD_FRICTION, COULOMB, VISCOUS, ROOT, DELAY, TILT)
 """In the order of a calibration's covariance. Its file does not name them: in another order, existing files would be
@@ -158,6 +159,11 @@ def own_friction(deviation: FloatArray, origin: str) -> Term:
 def session_friction(deviation: FloatArray, origin: str) -> Term:
     """The changes that all runs have in common, as of `own_friction`."""
     return Term(SESSION_FRICTION, Scope.ARM, Joint(_friction_change), np.zeros(deviation.size), deviation, origin)
+
+
+def session_load_friction(deviation: FloatArray, origin: str) -> Term:
+    """The (n,) changes of mu that all runs have in common: a cold gear also loses more of its load."""
+    return Term(SESSION_LOAD, Scope.ARM, LAWS[LOAD_FRICTION], np.zeros(deviation.size), deviation, origin)
 
 
 def recorder_delay() -> Term:

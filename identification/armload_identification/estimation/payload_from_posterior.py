@@ -14,6 +14,7 @@ from armload_identification.estimation.arm_terms import (
     LOAD_FRICTION,
     PAYLOAD,
     SESSION_FRICTION,
+    SESSION_LOAD,
 )
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.estimation.estimation_constants import Payloads, Solver
@@ -160,8 +161,9 @@ class PayloadEstimate:
 
     @property
     def load_friction(self) -> FloatArray:
-        """(n,) mu."""
-        return self.posterior.value(LOAD_FRICTION)
+        """(n,) mu of these runs."""
+        found = self.posterior.value(LOAD_FRICTION)
+        return found + self.posterior.value(SESSION_LOAD) if self._has(SESSION_LOAD) else found
 
     @property
     def noise_nm(self) -> FloatArray:
@@ -276,15 +278,14 @@ class PayloadEstimate:
             found[rows.axis] += np.sum((rows.rows[:, own] @ errors[at[own]]) ** 2, axis=0)
         return found
 
-    @property
-    def _session(self) -> bool:
-        """Whether friction of the session differs from the calibration's."""
-        return any(term.name == SESSION_FRICTION for term in self.posterior.problem.terms)
+    def _has(self, name: str) -> bool:
+        """Whether the problem has a term."""
+        return any(term.name == name for term in self.posterior.problem.terms)
 
     def friction(self, run: int = 0) -> FloatArray:
         """(3, n) Coulomb, viscous and offset changes of a run."""
         own = self.posterior.value(FRICTION_CHANGE, (0, run))
-        if self._session:
+        if self._has(SESSION_FRICTION):
             own = own + self.posterior.value(SESSION_FRICTION)
         return own.reshape(3, -1)
 
@@ -296,7 +297,7 @@ class PayloadEstimate:
         place = problem.place(FRICTION_CHANGE, (0, run))
         own = own[place.start - group.start : place.stop - group.start]
         shared = np.zeros((len(own), problem.shared_size))
-        if self._session:
+        if self._has(SESSION_FRICTION):
             shared = np.eye(problem.shared_size)[problem.place(SESSION_FRICTION)]
         whole = found.joint_covariance(shared, own, 0)
         both = np.arange(n)[:, None] + [0, n]
@@ -305,7 +306,8 @@ class PayloadEstimate:
     def body(self, run: int) -> BodyModel:
         """The arm as it was in a run of the group."""
         speed = reversal_speed(self.arm.layout.peak_rad_s[None])
-        return identified_body(self.posterior, self.arm.layout.base, speed, self.friction(run))
+        body = identified_body(self.posterior, self.arm.layout.base, speed, self.friction(run))
+        return replace(body, load_friction=self.load_friction)
 
 
 def model_doubts(posterior: Posterior, arm: KnownArm) -> FloatArray:

@@ -36,6 +36,7 @@ from armload_identification.estimation.arm_terms import (
     own_friction,
     recorder_delay,
     session_friction,
+    session_load_friction,
     wide_payload,
 )
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
@@ -217,7 +218,8 @@ def _known_arm(rows: Sequence[ArmRows], layout: ArmLayout, arm: KnownArm) -> lis
     body = wide_payload(rows, layout.chain)
     today = arm.friction_spread.ravel()
     origin = "the spread between the calibration's runs, and a cold arm"
+    terms = [*arm.terms, recorder_delay(), session_load_friction(arm.load_friction_spread, origin), body]
     if len(rows) == 1:
-        return [*arm.terms, recorder_delay(), body, own_friction(today, origin)]
+        return [*terms, own_friction(today, origin)]
     own = friction_change(effort_level(rows), layout.peak_rad_s, WITHIN_HOURS, Priors.within_hours_freedom)
-    return [*arm.terms, recorder_delay(), session_friction(today, origin), body, own]
+    return [*terms, session_friction(today, origin), own]

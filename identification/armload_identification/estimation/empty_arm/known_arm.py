@@ -22,6 +22,7 @@ class KnownArm:
         drift: (3, n) standard deviation, over the runs of the calibration, of a run's Coulomb friction (N m), viscous
             friction (N m s/rad) and offset (N m) minus the body's.
         friction_spread: (3, n) the same for a run of any day, cold arms included: the prior.
+        load_friction_spread: (n,) the same of mu.
         noise_nm: (n,) standard deviation of a joint's torque minus the arm's model, far from reversals.
         correlation_s: (n,) correlation time of that residual.
         terms: The terms of the arm, its gains relative to those of the calibration.
@@ -34,6 +35,7 @@ class KnownArm:
     level_nm: FloatArray
     drift: FloatArray
     friction_spread: FloatArray
+    load_friction_spread: FloatArray
     noise_nm: FloatArray
     correlation_s: FloatArray
     terms: tuple[Term, ...]

@@ -124,6 +124,24 @@ def test_friction_that_changed_since_is_found_beside_the_payload(pinocchio_arm, 
     assert (known_to[:, 0, 1] < 0.0).all()
 
 
+@pytest.mark.parametrize("with_pair", [True, False])
+def test_gears_may_lose_more_of_their_load_than_in_the_calibration(pinocchio_arm, known, with_pair):
+    """They lost nothing there, and 4 % of it now: 1 % of the payload's mass if that is not allowed for."""
+    chain, transmission, arm = known
+    trajectory, today = pinocchio_arm.trajectory(6, period_s=10.0), np.full(chain.n, 0.04)
+    runs = [pinocchio_arm.run(trajectory, on, seed=8 + on, load_friction=0.04) for on in (True, False)]
+    pair = runs if with_pair else (runs[0], None)
+    blind, found = (
+        identify_runs(*pair, chain, transmission, arm=replace(arm, load_friction_spread=share * today))
+        for share in (0.0, 1.0)
+    )
+    off, left = (abs(one.parameters.mass_kg - pinocchio_arm.payload.mass_kg) for one in (blind, found))
+    assert left < 0.5 * off, (left, off)
+    assert left < found.uncertainty.half_width_95[0]
+    np.testing.assert_allclose(found.plain.load_friction[1:], 0.04, atol=0.005)
+    np.testing.assert_array_equal(found.plain.body(0).load_friction, found.plain.load_friction)
+
+
 @pytest.mark.long
 def test_another_coulomb_friction_of_a_joint_is_noted_by_one_run_and_by_a_pair(pinocchio_arm, known, loaded):
     """Even if viscous friction compensates it at the speed at which friction is reported."""
