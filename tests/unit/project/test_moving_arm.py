@@ -11,4 +11,4 @@ def test_it_records_both_runs_and_finds_the_payload(capsys):
     unloaded, loaded, mass = capsys.readouterr().out.splitlines()
     assert unloaded.split()[1] == loaded.split()[1] == "279"
     assert unloaded.split()[0] != loaded.split()[0]
-    assert mass == "3.01 kg"
+    assert mass == "3.02 kg"
