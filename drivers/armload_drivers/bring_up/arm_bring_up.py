@@ -73,5 +73,5 @@ class ArmBringUp(ABC):
         """
 
     def reset_fault(self, setup: DriveSetup) -> State:
-        """Reset the fault of one drive; its state afterwards. Raises as `DriveDialogue.reset_fault`."""
+        """Reset the fault of one drive; its state afterwards. Raises as `SdoRequests.reset_fault`."""
         return setup.reset_fault()

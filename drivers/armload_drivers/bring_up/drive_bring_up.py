@@ -16,10 +16,10 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
-from armload_drivers.bring_up.drive_dialogue import DriveDialogue
 from armload_drivers.bring_up.drive_objects import DriveObjects
 from armload_drivers.bring_up.drive_securing import require_safety, secure
 from armload_drivers.bring_up.sdo_channel import OUT_OF_RANGE, SdoChannel
+from armload_drivers.bring_up.sdo_requests import SdoRequests
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import (
     SIMULATION_IDENTITY,
@@ -63,8 +63,8 @@ _NO_EFFORT = (
 )
 
 
-class DriveSetup(DriveDialogue, ABC):
-    """Bring-up of one drive on either bus; its arguments are those of `DriveDialogue`.
+class DriveSetup(SdoRequests, ABC):
+    """Bring-up of one drive on either bus; its arguments are those of `SdoRequests`.
 
     Attributes:
         settings: The drive's settings; complete once its scale has been read.

@@ -32,7 +32,7 @@ from armload_drivers.driver_errors import SdoRefused, ServoTimeout
 
 
 class CanopenSetup(DriveSetup):
-    """Bring-up of one drive over CANopen; its arguments are those of `DriveDialogue`."""
+    """Bring-up of one drive over CANopen; its arguments are those of `SdoRequests`."""
 
     def __init__(self, drive: DriveSettings, arm: ArmSettings, sdo: SdoChannel, timeouts: Timeouts) -> None:
         super().__init__(drive, arm, sdo, timeouts)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import can
 
-from armload_drivers.bring_up.drive_dialogue import drive_state
+from armload_drivers.bring_up.sdo_requests import drive_state
 from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.bus.bus_scan import scan
 from armload_drivers.canopen.canopen_sdo import CanopenSdo

@@ -310,7 +310,7 @@ class Solver:
 
 
 class GainTest:
-    """Gains that a pair contradicts (`gain_errors`)."""
+    """Gains that a pair contradicts (`contradicted_gains`)."""
 
     unknown: Final = 1.0
     """[1] Standard deviation of the logarithm of an unknown gain: a factor of e.

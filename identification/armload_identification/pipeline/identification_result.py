@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_identification.estimation.arm_terms import GAIN
+from armload_identification.estimation.contradicted_gains import GainFit
 from armload_identification.estimation.empty_arm.arm_friction import ArmFriction
-from armload_identification.estimation.gain_errors import GainFit
 from armload_identification.estimation.payload_from_posterior import PayloadEstimate
 from armload_identification.estimation.payload_intervals import Uncertainty, quantify
 from armload_identification.estimation.physical_consistency import make_physical

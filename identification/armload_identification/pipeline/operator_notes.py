@@ -8,10 +8,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from armload_identification.estimation.contradicted_gains import GainFit
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.estimation.empty_arm.unloaded_arm import BodyFit
 from armload_identification.estimation.estimation_constants import Drift
-from armload_identification.estimation.gain_errors import GainFit
 from armload_identification.estimation.payload_change import Event, events_during
 from armload_identification.estimation.payload_from_posterior import PayloadEstimate, gear_asymmetry
 from armload_identification.estimation.payload_intervals import NORMAL_HALF_WIDTH

@@ -12,9 +12,9 @@ from functools import partial
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from armload_identification.estimation.contradicted_gains import GainFit, fit_gains
 from armload_identification.estimation.elastic_joints import elastic_torque
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
-from armload_identification.estimation.gain_errors import GainFit, fit_gains
 from armload_identification.estimation.payload_from_posterior import estimate_of, model_doubts
 from armload_identification.estimation.payload_problem import pair_problem, single_problem
 from armload_identification.estimation.prior_knowledge import KnownPayload, Prior

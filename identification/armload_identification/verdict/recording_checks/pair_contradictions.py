@@ -11,8 +11,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from armload_identification.estimation.contradicted_gains import GainFit
 from armload_identification.estimation.empty_arm.arm_friction import ArmFriction
-from armload_identification.estimation.gain_errors import GainFit
 from armload_identification.estimation.payload_from_posterior import PayloadEstimate
 from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import EstimationError, NoPayloadMass, NothingMounted, RecordingError

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from armload_drivers.bring_up.drive_dialogue import DriveDialogue
+from armload_drivers.bring_up.sdo_requests import SdoRequests
 from armload_drivers.cia402.object_dictionary import NmtState
 from armload_drivers.cia402.state_machine import POWERED, DriveMachine, State
 from armload_drivers.cia402.timeouts import Timeouts
@@ -432,5 +432,5 @@ def test_errors_name_all_drives_that_may_keep_their_torque(rig):
 
 
 def test_the_stub_has_the_methods_of_the_original():
-    assert all(hasattr(DriveDialogue, name) for name in ("remove_torque", "read_position"))
+    assert all(hasattr(SdoRequests, name) for name in ("remove_torque", "read_position"))
     assert State.OPERATION_ENABLED.bits == ENABLED & State.OPERATION_ENABLED.mask

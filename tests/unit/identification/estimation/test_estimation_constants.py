@@ -17,8 +17,8 @@ from armload_identification.estimation.arm_terms import (
     recorder_delay,
     wide_payload,
 )
+from armload_identification.estimation.contradicted_gains import _named_from, _noticeable
 from armload_identification.estimation.elastic_joints import elastic_torque
-from armload_identification.estimation.gain_errors import _named_from, _noticeable
 from armload_identification.estimation.normal_equations import (
     GroupState,
     joined_columns,

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from armload_identification.estimation.gain_errors import GainFit
+from armload_identification.estimation.contradicted_gains import GainFit
 from armload_identification.estimation.payload_from_posterior import estimate_of
 from armload_identification.estimation.payload_problem import pair_problem
 from armload_identification.estimation.solve import solve

@@ -35,7 +35,7 @@ def drive_state(sdo: SdoChannel) -> State:
         raise sdo.failure(str(error), "Does this drive follow CiA 402? See its manual") from error
 
 
-class DriveDialogue:
+class SdoRequests:
     """SDO access to one drive, by purpose.
 
     Args:

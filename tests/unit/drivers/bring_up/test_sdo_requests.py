@@ -4,7 +4,7 @@ import struct
 
 import pytest
 
-from armload_drivers.bring_up.drive_dialogue import DriveDialogue
+from armload_drivers.bring_up.sdo_requests import SdoRequests
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import OperationMode, VendorObject
 from armload_drivers.cia402.state_machine import State
@@ -21,20 +21,20 @@ LIMITS = Timeouts(probe_s=0.03, store_s=7.0, fault_reset_s=0.2)
 
 @pytest.fixture
 def talk(arm_settings):
-    """A dialogue with a drive that has these objects, and the drive's side."""
+    """A requests with a drive that has these objects, and the drive's side."""
 
     def talk(values, refusals=None, **changes):
         arm, sdo = arm_settings(**changes), ScriptedSdo(values, refusals)
-        return DriveDialogue(arm.drives[1], arm, sdo, LIMITS), sdo
+        return SdoRequests(arm.drives[1], arm, sdo, LIMITS), sdo
 
     return talk
 
 
 def test_a_short_time_tells_whether_a_node_is_there(talk):
-    dialogue, sdo = talk({})
-    assert dialogue.is_up()
+    requests, sdo = talk({})
+    assert requests.is_up()
     sdo.silent = True
-    assert not dialogue.is_up()
+    assert not requests.is_up()
     assert sdo.limits_s == [0.03, 0.03]
 
 
@@ -50,20 +50,20 @@ def test_a_short_time_tells_whether_a_node_is_there(talk):
     ],
 )
 def test_states_with_torque(talk, word, state, powered):
-    dialogue, sdo = talk({od.STATUSWORD: word})
-    assert dialogue.read_state() is state
-    assert dialogue.read_powered_state() is (state if powered else None)
+    requests, sdo = talk({od.STATUSWORD: word})
+    assert requests.read_state() is state
+    assert requests.read_powered_state() is (state if powered else None)
     if powered:
         with pytest.raises(ServoError, match="the drive keeps its torque"):
-            dialogue.remove_torque(0.02)
+            requests.remove_torque(0.02)
     else:
-        dialogue.remove_torque(0.02)
+        requests.remove_torque(0.02)
     assert sdo.numbers(od.CONTROLWORD) == []
 
 
 def test_torque_is_removed_by_a_controlword_without_voltage(talk):
-    dialogue, sdo = talk({od.STATUSWORD: SWITCH_ON_DISABLED, od.CONTROLWORD: 0x0F})
-    dialogue.remove_torque(0.02)
+    requests, sdo = talk({od.STATUSWORD: SWITCH_ON_DISABLED, od.CONTROLWORD: 0x0F})
+    requests.remove_torque(0.02)
     assert sdo.numbers(od.CONTROLWORD) == [0]
     assert sdo.limits_s == [0.02, 0.02]
 
@@ -74,19 +74,19 @@ def test_an_undefined_statusword_is_an_error(talk):
 
 
 def test_values_of_what_the_drive_has(talk):
-    dialogue, _ = talk({od.POSITION_ACTUAL: -9, od.STATUSWORD: 3})
-    assert dialogue.read_values((od.STATUSWORD, od.POLARITY, od.POSITION_ACTUAL)) == [3, None, -9]
-    assert dialogue.read_position() == -9
-    assert dialogue.answered_position() is None
-    dialogue.ask_position()
-    assert dialogue.answered_position() == -9
+    requests, _ = talk({od.POSITION_ACTUAL: -9, od.STATUSWORD: 3})
+    assert requests.read_values((od.STATUSWORD, od.POLARITY, od.POSITION_ACTUAL)) == [3, None, -9]
+    assert requests.read_position() == -9
+    assert requests.answered_position() is None
+    requests.ask_position()
+    assert requests.answered_position() == -9
 
 
 def test_a_temperature_is_in_the_configured_unit(talk):
-    dialogue, sdo = talk({}, temperature=VendorObject(0x3210, 2, od.DataType.I16, 0.1))
-    assert dialogue.read_temperature_celsius() is None
-    sdo.values = {dialogue.settings.temperature.entry("temperature"): struct.pack("<h", -55)}
-    assert dialogue.read_temperature_celsius() == pytest.approx(-5.5)
+    requests, sdo = talk({}, temperature=VendorObject(0x3210, 2, od.DataType.I16, 0.1))
+    assert requests.read_temperature_celsius() is None
+    sdo.values = {requests.settings.temperature.entry("temperature"): struct.pack("<h", -55)}
+    assert requests.read_temperature_celsius() == pytest.approx(-5.5)
     assert talk({})[0].read_temperature_celsius() is None
 
 
@@ -119,19 +119,19 @@ def test_nothing_continues_with_a_drive_that_another_program_has_enabled(talk, w
     ],
 )
 def test_the_target_is_the_present_position_without_added_torque(talk, mode, target):
-    dialogue, sdo = talk({od.POSITION_ACTUAL: -1234, target: 5, od.TORQUE_OFFSET: 77}, mode=mode)
-    assert dialogue.hold_present_position() == -1234
+    requests, sdo = talk({od.POSITION_ACTUAL: -1234, target: 5, od.TORQUE_OFFSET: 77}, mode=mode)
+    assert requests.hold_present_position() == -1234
     assert sdo.numbers(target) == [-1234]
     assert sdo.numbers(od.TORQUE_OFFSET) == [0]
     assert len(sdo.written) == 2
 
 
 def test_a_brake_is_kept_closed_by_its_output_and_mask_and_released_in_the_other_order(talk):
-    dialogue, sdo = talk({od.PHYSICAL_OUTPUTS: 0b100, od.OUTPUT_MASK: 0b1000})
-    dialogue.keep_brake_closed()
+    requests, sdo = talk({od.PHYSICAL_OUTPUTS: 0b100, od.OUTPUT_MASK: 0b1000})
+    requests.keep_brake_closed()
     assert [(entry, data[0]) for entry, data in sdo.written] == [(od.PHYSICAL_OUTPUTS, 0b101), (od.OUTPUT_MASK, 0b1001)]
     sdo.written.clear()
-    dialogue.release_brake()
+    requests.release_brake()
     assert [(entry, data[0]) for entry, data in sdo.written] == [(od.OUTPUT_MASK, 0b1000), (od.PHYSICAL_OUTPUTS, 0b100)]
 
 
@@ -140,8 +140,8 @@ def test_a_drive_that_does_not_keep_its_brake_closed_is_refused(talk):
         talk({})[0].keep_brake_closed()
     with pytest.raises(ServoError, match="kept closed: 60FE:2"):
         talk({od.PHYSICAL_OUTPUTS: 0, od.OUTPUT_MASK: lambda: 0})[0].keep_brake_closed()
-    dialogue, sdo = talk({})
-    dialogue.release_brake()
+    requests, sdo = talk({})
+    requests.release_brake()
     assert not sdo.written
 
 
@@ -158,7 +158,7 @@ class Faulty:
 @pytest.mark.parametrize("edges", [1, 1000])
 def test_a_fault_is_reset_by_rising_edges_and_in_the_end_nothing_is_commanded(talk, edges):
     drive = Faulty(edges)
-    dialogue, sdo = talk({od.STATUSWORD: drive.statusword, od.ERROR_CODE: 0x2310, od.CONTROLWORD: 0})
+    requests, sdo = talk({od.STATUSWORD: drive.statusword, od.ERROR_CODE: 0x2310, od.CONTROLWORD: 0})
     transfer = sdo._transfer
 
     def noticed(entry, data):
@@ -170,35 +170,35 @@ def test_a_fault_is_reset_by_rising_edges_and_in_the_end_nothing_is_commanded(ta
 
     sdo._transfer = noticed
     if edges == 1:
-        assert dialogue.reset_fault() is State.SWITCH_ON_DISABLED
+        assert requests.reset_fault() is State.SWITCH_ON_DISABLED
     else:
         with pytest.raises(ServoFault, match="0x2310"):
-            dialogue.reset_fault()
+            requests.reset_fault()
     written = sdo.numbers(od.CONTROLWORD)
     assert written[-1] == 0
     assert not {word & 0x0F for word in written} & {0x07, 0x0F}, "nothing is enabled"
 
 
 def test_only_a_fault_is_reset(talk):
-    dialogue, sdo = talk({od.STATUSWORD: READY, od.CONTROLWORD: 0})
+    requests, sdo = talk({od.STATUSWORD: READY, od.CONTROLWORD: 0})
     with pytest.raises(ServoError, match="No reset is required"):
-        dialogue.reset_fault()
+        requests.reset_fault()
     assert not sdo.written
 
 
 @pytest.mark.parametrize(("value", "able"), [(0, False), (1, True), (2, False), (3, True)])
 def test_a_drive_stores_on_request_if_bit_0_says_so(talk, value, able):
-    dialogue, _ = talk({od.STORE_ALL: value})
+    requests, _ = talk({od.STORE_ALL: value})
     if able:
-        dialogue.require_storage()
+        requests.require_storage()
     else:
         with pytest.raises(ServoError, match=f"is 0x{value:X}, without bit 0"):
-            dialogue.require_storage()
+            requests.require_storage()
 
 
 def test_storing_takes_its_time_and_the_signature_save(talk):
-    dialogue, sdo = talk({od.STORE_ALL: 1})
-    dialogue.store_settings()
+    requests, sdo = talk({od.STORE_ALL: 1})
+    requests.store_settings()
     assert sdo.written == [(od.STORE_ALL, b"save")]
     assert sdo.limits_s == [LIMITS.store_s]
     with pytest.raises(ServoError, match="no 1010:1"):

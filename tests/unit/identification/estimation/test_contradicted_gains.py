@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from armload_identification.estimation.gain_errors import fit_gains
+from armload_identification.estimation.contradicted_gains import fit_gains
 from armload_identification.estimation.payload_problem import pair_problem
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.pipeline.payload_identification import identify_runs
