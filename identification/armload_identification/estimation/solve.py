@@ -239,20 +239,26 @@ class _Solver:
         for state in self._groups:
             state.move_to(self._x)
         if self._shares.size:
-            higher = self._x[self._gains] - self._adapted_gains
+            higher = self._log_gain - self._adapted_gain
             self._deviation = self._adapted_deviation.copy()
             self._deviation[self._shares] *= np.exp(-np.resize(higher, self._shares.size))
 
     def _adapted(self) -> None:
         """Remember at which gains the standard deviations were adapted."""
-        self._adapted_deviation, self._adapted_gains = self._deviation, self._x[self._gains]
+        self._adapted_deviation, self._adapted_gain = self._deviation, self._log_gain
+
+    @property
+    def _log_gain(self) -> FloatArray:
+        """(n,) logarithm of each axis's factor, all its terms together."""
+        return np.asarray(self._x[self._gains].reshape(-1, len(self._problem.coupling)).sum(axis=0))
 
     def _pull_on_gains(self) -> FloatArray:
         """Gradient of the free shared unknowns by priors that are shares of the friction."""
         pull = np.zeros(self._shared)
         if self._shares.size:
             relative = self._x[self._shares] / self._deviation[self._shares]
-            pull[self._gains] = np.sum(relative.reshape(-1, self._gains.size) ** 2, axis=0)
+            of_axes = np.sum(relative.reshape(-1, len(self._problem.coupling)) ** 2, axis=0)
+            pull[self._gains] = np.resize(of_axes, self._gains.size)
         return pull[self._shared_free]
 
     def _prior_equations(self) -> tuple[FloatArray, FloatArray]:

@@ -19,6 +19,7 @@ from armload_identification.estimation.arm_terms import (
 from armload_identification.estimation.payload_problem import HELD, pair_problem, single_problem
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.estimation.solve import solve
+from armload_identification.estimation.term_kinds import Scope, Shared, Term
 from armload_identification.signals.load_signal import load_signal
 from armload_identification.signals.recorded_run import Run
 
@@ -121,6 +122,15 @@ def test_gains_are_known_as_said_last(problem):
     assert (np.diag(after)[1:] < 0.75 * np.diag(covariance)[1:]).all(), "the rows compare the gains"
     (held,) = problem.problem.known
     assert held is not known, "the problem itself is as it was"
+
+
+def test_gains_of_two_terms_are_one_factor(problem):
+    """Of the friction too, of which differences between the runs are shares."""
+    one = solve(problem.with_gains(0.05**2 * np.eye(6)).problem, rough=True)
+    change = Term("change", Scope.ARM, Shared.GAIN, np.zeros(6), np.full(6, 0.05), "a new drive")
+    two = solve(replace(problem.problem, terms=[*problem.problem.terms, change]), rough=True)
+    np.testing.assert_allclose(two.value("change"), one.value(GAIN), atol=1e-5)
+    np.testing.assert_allclose(payload(two)[0], payload(one)[0], rtol=1e-4, atol=1e-5)
 
 
 def test_knowledge_of_the_payload_is_added_to_what_the_rows_say(problem, pinocchio_arm):
