@@ -171,16 +171,16 @@ class GarbageFilter:
         kept = rows.rows(slice(0, settled)) if good.all() else rows.rows(np.flatnonzero(good))
         self._waiting = [rows.rows(slice(settled, None))] if left else []
         recent = kept if self._before is None else joined([self._before, kept])
-        kept = self._without_turns(kept, first)
+        kept = self._without_turns(kept, recent, first)
         if recent.size:
             self._before = recent.rows(slice(max(recent.size - _JUMP_WINDOW, 0), None))
         if first and kept.velocity_rad_s is not None and kept.size > 1:
             refuse_mixed_units(self.path, kept.time_s, kept.position_rad, kept.velocity_rad_s)
         return kept
 
-    def _without_turns(self, kept: RowBlock, first: bool) -> RowBlock:
-        """The rows with positions that go on where they were recorded modulo one turn."""
-        rows = kept if self._before is None else joined([self._before.rows(slice(-1, None)), kept])
+    def _without_turns(self, kept: RowBlock, recent: RowBlock, first: bool) -> RowBlock:
+        """The rows, the last of the recent ones, with positions that go on where they were recorded modulo one turn."""
+        rows = recent.rows(slice(max(recent.size - kept.size - 1, 0), None))
         turns = -np.round(np.diff(rows.position_rad, axis=0) / _TURN_RAD)
         turns[np.diff(rows.time_s) > _LONGEST_INTERVAL_S] = 0.0  # long enough to turn that far
         if first and turns.any():

@@ -21,7 +21,7 @@ LIMITS = Timeouts(probe_s=0.03, store_s=7.0, fault_reset_s=0.2)
 
 @pytest.fixture
 def talk(arm_settings):
-    """A requests with a drive that has these objects, and the drive's side."""
+    """Requests to a drive that has these objects, and the drive's side."""
 
     def talk(values, refusals=None, **changes):
         arm, sdo = arm_settings(**changes), ScriptedSdo(values, refusals)
