@@ -59,6 +59,7 @@ def workforce(scheduler: str | None = None, workers: int | None = None) -> Itera
     """
     import dask
     import distributed
+    from distributed.utils import LoopRunner
 
     with ExitStack() as stack:
         stack.enter_context(dask.config.set(_CONFIGURATION))
@@ -67,6 +68,8 @@ def workforce(scheduler: str | None = None, workers: int | None = None) -> Itera
             if address is None:
                 security = _own_security()
                 address = stack.enter_context(_cluster(workers or len(os.sched_getaffinity(0)), security))
+            else:
+                LoopRunner().run_sync(_connect_once, address)
             client = stack.enter_context(distributed.Client(address, timeout=_CONNECT_TIMEOUT_S, security=security))
         except (OSError, ValueError, TypeError, RuntimeError) as problem:
             raise FleetError(
@@ -75,6 +78,15 @@ def workforce(scheduler: str | None = None, workers: int | None = None) -> Itera
             ) from problem
         _require_same_version(client, scheduler)
         yield Workforce(client, scheduler)
+
+
+async def _connect_once(address: str) -> None:
+    """Connect to a scheduler without a client: one that is refused keeps its thread, and is waited for at the end."""
+    from distributed import Security
+    from distributed.comm import connect
+
+    options = Security().get_connection_args("client")
+    await (await connect(address, timeout=_CONNECT_TIMEOUT_S, **options)).close()
 
 
 class Workforce:

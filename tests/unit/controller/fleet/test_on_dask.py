@@ -1,5 +1,6 @@
 """The same jobs on Dask: killed workers and coordinators, a scheduler with TLS, and access on loopback."""
 
+import asyncio
 import contextlib
 import functools
 import os
@@ -7,6 +8,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 import urllib.error
 import urllib.request
@@ -121,6 +123,17 @@ def tls_of(folder):
     return tls
 
 
+async def join(address, security):
+    """Become a client of a scheduler, and leave: in a loop of its own, which ends also if the client is refused."""
+    import distributed
+
+    client = distributed.Client(address, security=security, timeout=3.0, asynchronous=True)
+    try:
+        await client
+    finally:
+        await client.close()
+
+
 @pytest.fixture(scope="module")
 def local(tmp_path_factory):
     """The address of a local cluster, what strangers get, its pages, and a row of its owner, as in `behind_tls`."""
@@ -133,10 +146,10 @@ def local(tmp_path_factory):
         for stranger in (distributed.Security(), distributed.Security.temporary()):
             for there in (address, address.replace("tls://", "tcp://")):
                 try:
-                    distributed.Client(there, security=stranger, timeout=3.0)
+                    asyncio.run(join(there, stranger))
                     refusals.append(None)
                 except (OSError, TypeError, RuntimeError, ValueError) as problem:
-                    refusals.append(problem)
+                    refusals.append(str(problem))
         known = force._client.scheduler_info()
         (worker,) = known["workers"].values()
         pages = []
@@ -242,9 +255,16 @@ def taken_as_workers_join(cluster, force):
 
 
 def refusal(address):
+    """What a stranger is told, who keeps no thread: it would be waited for, a minute, when the program ends."""
+    loops = io_loops()
     with pytest.raises(FleetError) as refused:
         workforce(address).__enter__()
+    assert io_loops() == loops
     return str(refused.value)
+
+
+def io_loops():
+    return {thread for thread in threading.enumerate() if thread.name == "IO loop"}
 
 
 @pytest.mark.long
