@@ -18,14 +18,13 @@ from typing import Final
 import numpy as np
 
 from armload_identification.estimation.arm_rows import ArmRows
-from armload_identification.estimation.arm_terms import GAIN, PAYLOAD, effort_level
+from armload_identification.estimation.arm_terms import effort_level
+from armload_identification.estimation.carried_torque import carried_torque, first_run_torque
 from armload_identification.estimation.estimation_constants import Elasticity
 from armload_identification.estimation.posterior import Posterior
-from armload_identification.estimation.problem import EMPTY
 from armload_identification.float_array import FloatArray
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.chain import Chain
-from armload_identification.model.regressor import PARAMETERS, payload_torque
 
 _STEP: Final = 1e-6
 """rad/(N m) of the finite difference."""
@@ -38,12 +37,7 @@ def elastic_torque(found: Posterior, chain: Chain, body: BodyModel) -> list[Floa
         found: The solution for rigid joints.
         body: The arm's links.
     """
-    to_axis = body.coupling * np.exp(found.value(GAIN))
-    theta = {EMPTY: np.zeros(PARAMETERS), **{name: found.value(PAYLOAD, name) for name in found.problem.mountings}}
-    torque_nm = []
-    for group in found.problem.groups:
-        lags = [_lag_torque(run.rows, chain, body, theta[run.mounting]) @ to_axis for run in group.runs]
-        torque_nm.append(group.mixed(np.stack(lags))[0])
+    torque_nm = first_run_torque(found, body, lambda rows, theta: _lag_torque(rows, chain, body, theta))
     gradient, information = found.beside(*torque_nm)
     level_nm = effort_level([group.runs[0].rows for group in found.problem.groups])
     covariance = np.linalg.inv(information + np.diag((level_nm / Elasticity.lag_rad) ** 2))
@@ -55,15 +49,12 @@ def elastic_torque(found: Posterior, chain: Chain, body: BodyModel) -> list[Floa
 def _lag_torque(rows: ArmRows, chain: Chain, body: BodyModel, theta: FloatArray) -> FloatArray:
     """(n, N, n) change of a run's joint torque per rad/(N m) of each joint's compliance."""
 
-    def torque(*states: FloatArray) -> FloatArray:
-        return body.link_torque(chain, *states) + payload_torque(chain, theta, *states)
-
     def rate(values: FloatArray) -> FloatArray:
         return np.gradient(values, rows.time_s, axis=0) if len(values) > 1 else np.zeros_like(values)
 
     states = rows.position_rad, rows.velocity_rad_s, rows.axis_acceleration_rad_s2 @ body.coupling.T
-    carried_nm = torque(*states)
+    carried_nm = carried_torque(chain, body, theta, *states)
     lag = -_STEP * carried_nm
     lags = lag, rate(lag), rate(rate(lag))
     moved = [[state + joint * change for state, change in zip(states, lags, strict=True)] for joint in np.eye(chain.n)]
-    return np.stack([(torque(*with_lag) - carried_nm) / _STEP for with_lag in moved])
+    return np.stack([(carried_torque(chain, body, theta, *each) - carried_nm) / _STEP for each in moved])

@@ -435,6 +435,85 @@ class Elasticity:
     """
 
 
+class DisturbanceLimits:
+    """Zeros of joints, tilts, hoses and forces (`disturbances`).
+
+    Factors of two were tried with er50, prbt and the UR10e, from a pair, a calibrated pair and a single run.
+    """
+
+    usual_rad: Final = 5e-4
+    """[rad] Standard deviation of a joint's zero, and of a tilt of the base since the other run.
+
+    Origin: prior, not measured: joints are set to their marks to a few hundredths of a degree, and a pedestal bends as
+        little.
+    Factor of two: twice: intervals of centres by +0 to +10 %; half: by -4 to -0 %.
+    """
+
+    usual_n: Final = 0.5
+    """[N] Standard deviation of a force that is usual.
+
+    Origin: measured: the vertical force of a pair of the UR10e is 1.7 +- 0.55 N without anything that pulls.
+    Factor of two: either way: nothing.
+    """
+
+    certain: Final = (3.4, 3.9, 4.2)
+    """[1] Standard deviations from which an error is certain, by its number of components.
+
+    Origin: mathematics: by chance, one of 14 disturbances exceeds it in one of a hundred identifications.
+    Factor of two: half: a note on one of nine sound runs; twice: nothing on sound runs, and smaller disturbances stay
+        unnamed (reasoned).
+    """
+
+    suspect: Final = 0.6
+    """[1] Size relative to that from which it is certain, from which an error is looked for without it in the noise.
+
+    Origin: cost: with it in the noise, an error hides a part of itself.
+    Factor of two: either way: nothing on sound runs.
+    """
+
+    tried: Final = 3
+    """[1] Most errors that are looked for so.
+
+    Origin: cost: a solve each, in one run of ten without any.
+    Factor of two: either way: nothing on sound runs.
+    """
+
+    worth_rad: Final = 0.005
+    """[rad] Least angle that is named, 0.3 deg.
+
+    Origin: prior: it moves the centre of mass of a load at 0.2 m by 1 mm.
+    Factor of two: either way: nothing on sound runs.
+    """
+
+    worth_n: Final = 2.0
+    """[N] Least force that is named.
+
+    Origin: prior: a fifth of a kilogram.
+    Factor of two: either way: nothing on sound runs.
+    """
+
+    worth_share: Final = 0.01
+    """[1] Least torque of a hose that is named, as a share of the joint's RMS torque.
+
+    Origin: prior: less is lost in friction.
+    Factor of two: either way: nothing on sound runs.
+    """
+
+    most_rad: Final = 0.1
+    """[rad] Greatest angle.
+
+    Origin: prior: with more, an arm is seen not to fit its file.
+    Factor of two: either way: nothing on sound runs.
+    """
+
+    most_n: Final = 1000.0
+    """[N] Greatest force.
+
+    Origin: prior: wide enough not to matter.
+    Factor of two: either way: nothing.
+    """
+
+
 class Drift:
     """Gains that drift between the two runs of a pair (`run_drift`)."""
 

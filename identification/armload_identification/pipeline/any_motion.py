@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from armload_identification.estimation.disturbances import Disturbances
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.estimation.payload_from_posterior import estimate_of, model_doubts
 from armload_identification.estimation.payload_intervals import NORMAL_HALF_WIDTH
@@ -25,7 +26,7 @@ from armload_identification.pipeline.identification_result import (
     completed,
     payload_signal,
 )
-from armload_identification.pipeline.operator_notes import notes_on
+from armload_identification.pipeline.operator_notes import disturbance_notes, notes_on
 from armload_identification.recording.recording import Recording
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.motion import Motion
@@ -88,12 +89,15 @@ def identify_alone(
     refuse_nothing(plain, regressor, motion.torque_nm, FLOOR_KG, f"{name}: ")
     if mass_kg <= 0.0 or random_kg > DETERMINED_SHARE * mass_kg:
         raise quality.undetermined(name, mass_kg, float(np.hypot(plain.half_width_kg, NORMAL_HALF_WIDTH * FLOOR_KG)))
+    disturbances = Disturbances.of(posterior, problem.layout.chain, arm.body)
+    explanations = disturbances.explanations()
+    plain = plain.doubting(*disturbances.doubts(explanations))
     plain = replace(plain, shifts=np.vstack([plain.shifts, floor_kg / mass_kg * plain.theta]))
     signal = payload_signal(plain, motion, transmission)
     friction_nm = added_friction(plain, signal)
     gains = transmission.gains(from_torque=run.from_torque)
     result = completed(plain, None, signal, friction_nm, gains, run)
-    return result.with_notes(*notes_on(result, gains, arm))
+    return result.with_notes(*disturbance_notes(explanations, "the calibration"), *notes_on(result, gains, arm))
 
 
 def identify_windows(

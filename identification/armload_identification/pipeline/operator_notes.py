@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_identification.estimation.contradicted_gains import GainFit
+from armload_identification.estimation.disturbances import Disturbance, Disturbed
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.estimation.empty_arm.unloaded_arm import BodyFit
 from armload_identification.estimation.estimation_constants import Drift
@@ -25,7 +26,7 @@ from armload_identification.signals.motion import ABOVE_BAND
 from armload_identification.signals.recorded_run import Run
 from armload_identification.signals.signal_constants import SamePath, Smoothing
 from armload_identification.verdict.decision_levels import ArmFit, PayloadChangeLevels, PayloadFit, Timing
-from armload_identification.verdict.joint_words import numbered_joints, remarked_joints
+from armload_identification.verdict.joint_words import listed, numbered_joints, remarked_joints
 from armload_identification.verdict.recording_checks.column_mistakes import strange_joints
 from armload_identification.verdict.recording_checks.friction_validity import friction_notes, standard_deviations
 
@@ -59,6 +60,50 @@ def notes_on(
         *_on_blows(found.signal, found.struck),
         *_on_calibrated_arm(found.plain, arm),
     ]
+
+
+_CHECK: Final = {
+    Disturbed.ZERO: "the joint's zero (a gear that gives way looks the same)",
+    Disturbed.TILT: "the fastening of the base",
+    Disturbed.HOSE: "hoses",
+    Disturbed.PULL: "the clock (a wrong one looks like a vertical force)",
+    Disturbed.FORCE: "what touches the arm",
+}
+
+
+def disturbance_notes(explanations: Sequence[Disturbance], since: str) -> Iterator[str]:
+    """A note on what alone explains the rows: a joint's zero, the base, a hose, or a force.
+
+    Args:
+        explanations: Each alone.
+        since: What the base would have tilted since.
+    """
+    if explanations:
+        said = ", or ".join(_disturbance_in_words(one, since) for one in explanations)
+        checks = listed(list(dict.fromkeys(_CHECK[one.of] for one in explanations)))
+        counts = all(one.of is Disturbed.PULL for one in explanations)
+        meant = "It counts as payload" if counts else "The intervals allow for that"
+        yield f"The loaded run is as if {said}. {meant}. Check {checks}."
+
+
+def _disturbance_in_words(one: Disturbance, since: str) -> str:
+    """A disturbance, to be followed on from 'as if'."""
+    half_width = NORMAL_HALF_WIDTH * one.deviation
+    if one.of is Disturbed.PULL:
+        way = "down" if one.error[0] > 0.0 else "up"
+        return f"a force of {one.size:.1f} +- {half_width:.1f} N pulled the flange {way}"
+    if one.of is Disturbed.FORCE:
+        along = ", ".join(f"{force_n:+.1f}" for force_n in one.error)
+        return f"a force of {one.size:.1f} +- {half_width:.1f} N pulled at the flange (base frame: {along} N)"
+    if one.of is Disturbed.HOSE:
+        does = "held" if one.error[0] > 0.0 else "pushed"
+        way = "back to" if one.error[0] > 0.0 else "away from"
+        middle = f"joint {one.joint + 1} {way} the middle of its travel"
+        return f"a hose or cable {does} {middle}, with {one.size:.2g} +- {half_width:.2g} N m (RMS)"
+    angle = f"{np.degrees(one.size):.2f} +- {np.degrees(half_width):.2f} deg"
+    if one.of is Disturbed.TILT:
+        return f"the base had tilted by {angle} since {since}"
+    return f"joint {one.joint + 1} stood {angle} {'above' if one.error[0] > 0.0 else 'below'} its recorded position"
 
 
 def _on_recordings(sources: Sequence[RecordingSource]) -> Iterator[str]:

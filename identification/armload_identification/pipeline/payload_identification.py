@@ -13,6 +13,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from armload_identification.estimation.contradicted_gains import GainFit, fit_gains
+from armload_identification.estimation.disturbances import Disturbances
 from armload_identification.estimation.elastic_joints import elastic_torque
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.estimation.payload_from_posterior import estimate_of, model_doubts
@@ -29,7 +30,7 @@ from armload_identification.pipeline.identification_result import (
     completed,
     payload_signal,
 )
-from armload_identification.pipeline.operator_notes import change_notes, misfit_notes, notes_on
+from armload_identification.pipeline.operator_notes import change_notes, disturbance_notes, misfit_notes, notes_on
 from armload_identification.pipeline.prior_contradictions import identified_knowing
 from armload_identification.recording.recording import Recording
 from armload_identification.signals.joint_torque import Transmission
@@ -122,9 +123,13 @@ def _by_difference(
         plain = replace(plain, shifts=np.vstack([plain.shifts, drift.allowed * plain.drifting]))
         if arm is not None:
             plain = plain.doubting(model_doubts(posterior, arm)).doubting(*elastic_torque(posterior, chain, arm.body))
+        disturbances = Disturbances.of(posterior, problem.layout.chain, plain.body(0) if arm is None else arm.body)
+        explanations = disturbances.explanations()
+        plain = plain.doubting(*disturbances.doubts(explanations))
         result = completed(plain, fitted, adjusted, added_nm, gains, loaded, unloaded)
         if any(misfit_notes(result)):
             columns.require_right()
-        return result.with_notes(*drift.notes(), *notes_on(result, gains, arm, columns.arm if arm is None else None))
+        remarks = *drift.notes(), *disturbance_notes(explanations, "the unloaded run")
+        return result.with_notes(*remarks, *notes_on(result, gains, arm, columns.arm if arm is None else None))
 
     return identified

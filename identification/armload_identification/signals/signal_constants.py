@@ -292,11 +292,12 @@ class NominalGain:
         UR10e are then 0.3 to 0.5 % high, or 0.7 to 1.7 % low, inside their intervals.
     """
 
-    common_deviation: Final = 0.01
+    common_deviation: Final = 0.008
     """[1] Relative standard deviation of an error that all gains have in common.
 
-    Origin: physics: warm magnets lose about 0.1 % of their torque per kelvin. Only a known mass reveals it.
-    Factor of two: twice: half widths of masses from nominal gains by up to +40 %; half: by up to -15 % (reasoned).
+    Origin: physics: per kelvin, magnets lose 0.04 (samarium) to 0.12 % (neodymium) of their torque, and motors are 10 K
+        from the catalogue's temperature. Only a known mass reveals it.
+    Factor of two: twice: half widths of masses from nominal gains by up to +30 %; half: by up to -12 % (reasoned).
     """
 
 

@@ -1,0 +1,274 @@
+"""What disturbs a payload's run: a joint's zero, the base, a hose, or a force that the model does not have.
+
+The torque of links and payload changes by tau(q + x e_k) - tau(q) if joint k does not stand where its position says,
+and by gravity from the side if the base tilted: between the runs of a pair, or after the calibration. A hose holds a
+joint back like a spring, and a force on the flange is a weight without inertia; both act in the loaded run alone. With
+nominal gains the links are fitted to the same zeros, and only the payload shows them. A gear that gives way under the
+load looks like a zero.
+
+Beside all other unknowns the rows say x +- s of each disturbance if it is the only one. What rows and prior leave of
+zeros and tilts is allowed for and not corrected; hoses and forces have no prior that would suit every cell. If any is
+certain, each that alone explains all that is certain is named, and allowed for as a whole, but for a vertical force,
+which counts as payload.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+
+from armload_identification.estimation.arm_rows import ArmRows
+from armload_identification.estimation.base_tilt import sideways, tilt_axes
+from armload_identification.estimation.carried_torque import carried_torque, first_run_torque
+from armload_identification.estimation.estimation_constants import DisturbanceLimits, Elasticity
+from armload_identification.estimation.payload_intervals import NORMAL_HALF_WIDTH, ONE_SIDED
+from armload_identification.estimation.posterior import Posterior
+from armload_identification.estimation.solve import solve
+from armload_identification.float_array import FloatArray
+from armload_identification.model.body_model import BodyModel
+from armload_identification.model.chain import Chain
+from armload_identification.model.regressor import PARAMETERS, payload_torque
+
+_STEP_RAD = 1e-5
+"""Of the finite difference."""
+
+
+class Disturbed(StrEnum):
+    """What a disturbance is of."""
+
+    ZERO = "zero"
+    TILT = "tilt"
+    HOSE = "hose"
+    PULL = "vertical force"
+    FORCE = "force"
+
+
+@dataclass(frozen=True, eq=False)
+class Disturbance:
+    """A disturbance that alone explains all that is certain.
+
+    Attributes:
+        of: What it is of.
+        joint: Its joint, from 0, of a zero or a hose.
+        error: (d,) position that the joint has beyond the recorded one and tilts in rad, torque of a hose at one
+            standard deviation of the position in N m, force in the base frame or downwards in N.
+        deviation: Standard deviation of its size.
+        reach: (k,) one standard deviation of all errors that allows for the whole of it.
+    """
+
+    of: Disturbed
+    joint: int
+    error: FloatArray
+    deviation: float
+    reach: FloatArray
+
+    @property
+    def size(self) -> float:
+        """Its size, in the unit of `error`."""
+        return float(np.linalg.norm(self.error))
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A disturbance among the errors.
+
+    Attributes:
+        of: What it is of.
+        joint: Its joint, from 0, of a zero or a hose.
+        place: Its place among them.
+        usual: Size that is usual, one standard deviation.
+        worth: Least size that is worth a word.
+        most: Greatest size.
+    """
+
+    of: Disturbed
+    joint: int
+    place: slice
+    usual: float
+    worth: float
+    most: float
+
+
+@dataclass(frozen=True, eq=False)
+class Disturbances:
+    """What the rows say of k errors: zeros of n joints, two tilts, hoses at n joints, and a force.
+
+    Attributes:
+        torque_nm: (k, N, n) axis torque per unit of each, on the first run of every group.
+        gradient: (k,) and
+        information: (k, k) of them, beside all other unknowns.
+        level_nm: (n,) RMS torque of the joints.
+        down: (3,) direction of gravity in the base frame, a unit vector.
+    """
+
+    torque_nm: Sequence[FloatArray]
+    gradient: FloatArray
+    information: FloatArray
+    level_nm: FloatArray
+    down: FloatArray
+
+    @classmethod
+    def of(cls, found: Posterior, chain: Chain, body: BodyModel) -> Disturbances:
+        """From a solution.
+
+        Args:
+            found: The solution.
+            chain: The arm, with the tilt of its calibration.
+            body: The arm's links.
+        """
+        first = cls._of_solution(found, chain, body)
+        likely = sorted(first.candidates, key=first.certainty)[: -DisturbanceLimits.tried - 1 : -1]
+        if first.certainty(likely[0]) < DisturbanceLimits.suspect:
+            return first
+        # while it is in the residual, it counts as noise and hides itself: once more without each that may be the one
+        without = [(one, first.without(one, found, chain, body)) for one in likely]
+        return max(without, key=lambda each: each[1].certainty(each[0]))[1]
+
+    def without(self, one: Candidate, found: Posterior, chain: Chain, body: BodyModel) -> Disturbances:
+        """The same by the noise that is left without a disturbance."""
+        error, _ = _alone(one, self.gradient, self.information)
+        groups = []
+        for torque_nm, group in zip(self.torque_nm, found.problem.groups, strict=True):
+            loaded, *others = group.runs
+            effort_nm = loaded.rows.effort_nm - np.tensordot(error, torque_nm[one.place], axes=1)
+            groups.append(
+                replace(group, runs=(replace(loaded, rows=replace(loaded.rows, effort_nm=effort_nm)), *others))
+            )
+        solution = solve(replace(found.problem, groups=groups), rough=True, start=found)
+        rest = self._of_solution(solution, chain, body)
+        gradient = rest.gradient + rest.information[:, one.place] @ error
+        return replace(rest, torque_nm=self.torque_nm, gradient=gradient)
+
+    @classmethod
+    def _of_solution(cls, found: Posterior, chain: Chain, body: BodyModel) -> Disturbances:
+        """To first order, with what disturbs in the residual."""
+        rows = found.problem.groups[0].runs[0].rows
+        spread_rad = np.maximum(rows.position_rad.std(axis=0), _STEP_RAD)
+        of_all = first_run_torque(found, body, lambda run, theta: _torque_by_zeros(run, chain, body, theta))
+        of_one = first_run_torque(
+            found,
+            body,
+            lambda run, theta: np.concatenate([_by_tilts(run, chain, body, theta), _by_others(run, chain, spread_rad)]),
+            of_all=False,
+        )
+        torque_nm = [np.concatenate(both) for both in zip(of_all, of_one, strict=True)]
+        level_nm = np.sqrt(np.mean((rows.effort_nm @ np.linalg.inv(body.coupling)) ** 2, axis=0))
+        return cls(torque_nm, *found.beside(*torque_nm), level_nm, _down(chain))
+
+    def explanations(self) -> list[Disturbance]:
+        """Disturbances of which each alone explains all that is certain; none if nothing is."""
+        if not any(self.certainty(one) > 1.0 for one in self.candidates):
+            return []
+        found = [one for one in self.candidates if self._explains(one)]
+        vertical = any(one.of is Disturbed.PULL for one in found)
+        return [self._found(one) for one in found if not (vertical and one.of is Disturbed.FORCE)]
+
+    def certainty(self, one: Candidate) -> float:
+        """Size of a disturbance relative to that from which it is certain."""
+        return _certainty(one, *_alone(one, self.gradient, self.information))
+
+    def _found(self, one: Candidate) -> Disturbance:
+        """A disturbance by the rows, if it is the only one."""
+        error, deviation = _alone(one, self.gradient, self.information)
+        size, reach = float(np.linalg.norm(error)), np.zeros(self.gradient.size)
+        reach[one.place] = error / size * (size + ONE_SIDED * deviation) / NORMAL_HALF_WIDTH
+        if one.of is Disturbed.FORCE:
+            error = error @ _force_axes(self.down)
+        return Disturbance(one.of, one.joint, error, deviation, reach)
+
+    def doubts(self, explanations: Sequence[Disturbance]) -> list[FloatArray]:
+        """(d, N, n) axis torque of one standard deviation of d independent errors, on the first run of every group."""
+        placed = slice(0, self.level_nm.size + 2)
+        prior = np.eye(placed.stop) / DisturbanceLimits.usual_rad**2
+        covariance = np.linalg.inv(self.information[placed, placed] + prior)
+        mean = covariance @ self.gradient[placed]
+        errors = np.zeros((placed.stop, self.gradient.size))
+        errors[:, placed] = np.linalg.cholesky(covariance + np.outer(mean, mean)).T
+        errors = np.vstack([errors, *(one.reach for one in explanations if one.of is not Disturbed.PULL)])
+        return [np.tensordot(errors, torque, axes=1) for torque in self.torque_nm]
+
+    @property
+    def candidates(self) -> list[Candidate]:
+        """All disturbances that are looked for."""
+        limits, n = DisturbanceLimits, self.level_nm.size
+        angle = limits.worth_rad, limits.most_rad
+        sags = float(np.hypot(limits.usual_rad, Elasticity.lag_rad))
+        force = limits.usual_n, limits.worth_n, limits.most_n
+        zeros = [Candidate(Disturbed.ZERO, joint, slice(joint, joint + 1), sags, *angle) for joint in range(n)]
+        hoses = [
+            Candidate(
+                Disturbed.HOSE, joint, slice(n + 2 + joint, n + 3 + joint), 0.0, limits.worth_share * level, level
+            )
+            for joint, level in enumerate(self.level_nm.tolist())
+        ]
+        tilt = Candidate(Disturbed.TILT, 0, slice(n, n + 2), limits.usual_rad, *angle)
+        pull = Candidate(Disturbed.PULL, 0, slice(2 * n + 4, 2 * n + 5), *force)
+        return [*zeros, tilt, *hoses, pull, Candidate(Disturbed.FORCE, 0, slice(2 * n + 2, 2 * n + 5), *force)]
+
+    def _explains(self, one: Candidate) -> bool:
+        """Whether no other disturbance is certain where this one is unknown."""
+        across, (error, _) = self.information[:, one.place], _alone(one, self.gradient, self.information)
+        gradient = self.gradient - across @ error
+        information = self.information - across @ np.linalg.solve(_bounded(one, across[one.place]), across.T)
+        others = (other for other in self.candidates if other.place != one.place)
+        return all(_certainty(other, *_alone(other, gradient, information)) <= 1.0 for other in others)
+
+
+def _bounded(one: Candidate, information: FloatArray) -> FloatArray:
+    """(d, d) information of a disturbance that is at most as large as it can be."""
+    return information + np.eye(len(information)) / max(one.most, _STEP_RAD) ** 2
+
+
+def _alone(one: Candidate, gradient: FloatArray, information: FloatArray) -> tuple[FloatArray, float]:
+    """(d,) the error of a disturbance without the others, and the standard deviation of its size."""
+    own = _bounded(one, information[one.place, one.place])
+    error = np.asarray(np.linalg.solve(own, gradient[one.place]))
+    size = float(np.linalg.norm(error))
+    along = error / size if size > 0.0 else np.eye(len(error))[0]
+    return error, float((along @ own @ along) ** -0.5)
+
+
+def _certainty(one: Candidate, error: FloatArray, deviation: float) -> float:
+    """Size of an error relative to what is usual, chance, and what is worth a word."""
+    expected = DisturbanceLimits.certain[len(error) - 1] * float(np.hypot(deviation, one.usual))
+    return float(np.linalg.norm(error)) / max(one.worth, expected)
+
+
+def _torque_by_zeros(rows: ArmRows, chain: Chain, body: BodyModel, theta: FloatArray) -> FloatArray:
+    """(n, N, n) change of a run's joint torque per rad of each joint's position."""
+    rates = rows.velocity_rad_s, rows.axis_acceleration_rad_s2 @ body.coupling.T
+    moved = [rows.position_rad, *(rows.position_rad + _STEP_RAD * joint for joint in np.eye(chain.n))]
+    carried_nm, *others = (carried_torque(chain, body, theta, position_rad, *rates) for position_rad in moved)
+    return np.asarray((np.stack(others) - carried_nm) / _STEP_RAD)
+
+
+def _by_tilts(rows: ArmRows, chain: Chain, body: BodyModel, theta: FloatArray) -> FloatArray:
+    """(2, N, n) change of a run's joint torque per rad of each tilt of the base."""
+    return np.stack([carried_torque(side, body, theta, *_held(rows)) for side in sideways(chain)])
+
+
+def _by_others(rows: ArmRows, chain: Chain, spread_rad: FloatArray) -> FloatArray:
+    """(n + 3, N, n) joint torque of hoses per N m at (n,) positions from the middle, and of forces per N."""
+    away = (rows.position_rad - rows.position_rad.mean(axis=0)) / spread_rad
+    unit = np.eye(1, PARAMETERS)[0]
+    forces = (payload_torque(chain.under(axis), unit, *_held(rows)) for axis in _force_axes(_down(chain)))
+    return np.stack([*(away * joint for joint in np.eye(chain.n)), *forces])
+
+
+def _down(chain: Chain) -> FloatArray:
+    """(3,) direction of gravity."""
+    return np.asarray(chain.gravity_m_s2 / np.linalg.norm(chain.gravity_m_s2))
+
+
+def _force_axes(down: FloatArray) -> FloatArray:
+    """(3, 3) directions of force: two sideways, and down."""
+    return np.stack([*tilt_axes(down), down])
+
+
+def _held(rows: ArmRows) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(N, n) states of an arm that holds still at each position of a run."""
+    still = np.zeros_like(rows.position_rad)
+    return rows.position_rad, still, still
