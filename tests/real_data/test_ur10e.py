@@ -84,7 +84,7 @@ def test_a_flipped_sign_is_found_in_both_runs(ur10e, ur10e_pair, suffix, joint):
 
 @pytest.mark.long
 def test_a_wrong_weighed_mass_is_refused_with_both_numbers(ur10e, ur10e_pair):
-    with pytest.raises(EstimationError, match=r"weighed mass 5 kg contradicts the data: without it, the mass is 2\.81"):
+    with pytest.raises(EstimationError, match=r"weighed mass 5 kg contradicts the data: without it, the mass is 2\.82"):
         identify_runs(*ur10e_pair(""), ur10e.chain, ur10e.drives.transmission, known=KnownPayload(mass_kg=5.0))
 
 
