@@ -209,8 +209,11 @@ class Disturbances:
         return [*zeros, tilt, *hoses, pull, Candidate(Disturbed.FORCE, 0, slice(2 * n + 2, 2 * n + 5), *force)]
 
     def _explains(self, one: Candidate) -> bool:
-        """Whether no other disturbance is certain where this one is unknown."""
-        across, (error, _) = self.information[:, one.place], _alone(one, self.gradient, self.information)
+        """Whether it is likely, worth a word, and no other disturbance is certain where this one is unknown."""
+        across, (error, deviation) = self.information[:, one.place], _alone(one, self.gradient, self.information)
+        size, likely = float(np.linalg.norm(error)), NORMAL_HALF_WIDTH * float(np.hypot(deviation, one.usual))
+        if size < max(one.worth, likely):
+            return False
         gradient = self.gradient - across @ error
         information = self.information - across @ np.linalg.solve(_bounded(one, across[one.place]), across.T)
         others = (other for other in self.candidates if other.place != one.place)

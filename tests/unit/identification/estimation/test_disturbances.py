@@ -158,6 +158,10 @@ def test_a_disturbance_is_named_from_chance_the_usual_and_what_is_worth_it(place
 def test_all_that_alone_explain_it_are_named_and_none_if_two_are_needed():
     alike = errors({ZERO + 1: 0.02}, {ZERO + 1: 0.002, HOSE + 1: 0.5}, [((ZERO + 1, HOSE + 1), 0.999)])
     assert [one.of for one in alike.explanations()] == [Disturbed.ZERO, Disturbed.HOSE]
+    slight = errors({ZERO + 1: 0.02}, {ZERO + 1: 0.002, FORCE: 20.0}, [((ZERO + 1, FORCE), 0.999)])
+    assert [one.of for one in slight.explanations()] == [Disturbed.ZERO, Disturbed.FORCE]
+    unlikely = errors({ZERO + 1: 0.02}, {ZERO + 1: 0.002, FORCE: 0.15}, [((ZERO + 1, FORCE), 0.999)])
+    assert [one.of for one in unlikely.explanations()] == [Disturbed.ZERO], "1.5 N are not worth a word"
     both = errors({ZERO + 1: 0.02, HOSE + 4: 5.0}, {ZERO + 1: 0.002, HOSE + 4: 0.5})
     assert not both.explanations()
 
