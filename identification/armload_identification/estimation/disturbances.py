@@ -8,8 +8,9 @@ load looks like a zero.
 
 Beside all other unknowns the rows say x +- s of each disturbance if it is the only one. What rows and prior leave of
 zeros and tilts is allowed for and not corrected; hoses and forces have no prior that would suit every cell. If any is
-certain, each that alone explains all that is certain is named, and allowed for as a whole, but for a vertical force,
-which counts as payload.
+certain, each that alone explains all that is certain is named, and allowed for as a whole; if none does, the most
+certain one is, with a warning. A vertical force is named and not allowed for: what hangs on the flange counts as
+payload.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ class Disturbed(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class Disturbance:
-    """A disturbance that alone explains all that is certain.
+    """A disturbance by the rows, if it is the only one.
 
     Attributes:
         of: What it is of.
@@ -56,7 +57,8 @@ class Disturbance:
         error: (d,) position that the joint has beyond the recorded one and tilts in rad, torque of a hose at one
             standard deviation of the position in N m, force in the base frame or downwards in N.
         deviation: Standard deviation of its size.
-        reach: (k,) one standard deviation of all errors that allows for the whole of it.
+        reach: (r, k) independent errors of one standard deviation that allow for the whole of it.
+        pull: (k,) its share of the gradient.
     """
 
     of: Disturbed
@@ -64,6 +66,7 @@ class Disturbance:
     error: FloatArray
     deviation: float
     reach: FloatArray
+    pull: FloatArray
 
     @property
     def size(self) -> float:
@@ -158,9 +161,14 @@ class Disturbances:
         level_nm = np.sqrt(np.mean((rows.effort_nm @ np.linalg.inv(body.coupling)) ** 2, axis=0))
         return cls(torque_nm, *found.beside(*torque_nm), level_nm, _down(chain))
 
+    def most_certain(self) -> Disturbance | None:
+        """The disturbance that is most certain; None if none is certain."""
+        one = max(self.candidates, key=self.certainty)
+        return self._found(one) if self.certainty(one) > 1.0 else None
+
     def explanations(self) -> list[Disturbance]:
-        """Disturbances of which each alone explains all that is certain; none if nothing is."""
-        if not any(self.certainty(one) > 1.0 for one in self.candidates):
+        """Disturbances of which each alone explains all that is certain; none if nothing is, or if two are needed."""
+        if self.most_certain() is None:
             return []
         found = [one for one in self.candidates if self._explains(one)]
         vertical = any(one.of is Disturbed.PULL for one in found)
@@ -172,22 +180,37 @@ class Disturbances:
 
     def _found(self, one: Candidate) -> Disturbance:
         """A disturbance by the rows, if it is the only one."""
-        error, deviation = _alone(one, self.gradient, self.information)
-        size, reach = float(np.linalg.norm(error)), np.zeros(self.gradient.size)
-        reach[one.place] = error / size * (size + ONE_SIDED * deviation) / NORMAL_HALF_WIDTH
+        error, _ = _alone(one, self.gradient, self.information)
+        covariance = np.linalg.inv(_bounded(one, self.information[one.place, one.place]))
+        size = float(np.linalg.norm(error))
+        along = error / size
+        deviation = float(np.sqrt(along @ covariance @ along))
+        own = [along * (size + ONE_SIDED * deviation) / NORMAL_HALF_WIDTH]
+        if len(error) > 1:
+            own.extend(np.linalg.cholesky(covariance).T)
+        reach = np.zeros((len(own), self.gradient.size))
+        reach[:, one.place] = own
+        pull = self.information[:, one.place] @ error
         if one.of is Disturbed.FORCE:
             error = error @ _force_axes(self.down)
-        return Disturbance(one.of, one.joint, error, deviation, reach)
+        return Disturbance(one.of, one.joint, error, deviation, reach, pull)
 
     def doubts(self, explanations: Sequence[Disturbance]) -> list[FloatArray]:
-        """(d, N, n) axis torque of one standard deviation of d independent errors, on the first run of every group."""
+        """(d, N, n) axis torque of one standard deviation of d independent errors, on the first run of every group.
+
+        A vertical force is not among them: it counts as payload.
+        """
+        known, certain = list(explanations), self.most_certain()
+        gradient = self.gradient
+        if certain is not None:  # what it causes is not read as zeros and tilts once more
+            known, gradient = known or [certain], gradient - certain.pull
         placed = slice(0, self.level_nm.size + 2)
         prior = np.eye(placed.stop) / DisturbanceLimits.usual_rad**2
         covariance = np.linalg.inv(self.information[placed, placed] + prior)
-        mean = covariance @ self.gradient[placed]
+        mean = covariance @ gradient[placed]
         errors = np.zeros((placed.stop, self.gradient.size))
         errors[:, placed] = np.linalg.cholesky(covariance + np.outer(mean, mean)).T
-        errors = np.vstack([errors, *(one.reach for one in explanations if one.of is not Disturbed.PULL)])
+        errors = np.vstack([errors, *(one.reach for one in known if one.of is not Disturbed.PULL)])
         return [np.tensordot(errors, torque, axes=1) for torque in self.torque_nm]
 
     @property

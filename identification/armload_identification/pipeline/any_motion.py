@@ -97,7 +97,9 @@ def identify_alone(
     friction_nm = added_friction(plain, signal)
     gains = transmission.gains(from_torque=run.from_torque)
     result = completed(plain, None, signal, friction_nm, gains, run)
-    return result.with_notes(*disturbance_notes(explanations, "the calibration"), *notes_on(result, gains, arm))
+    return result.with_notes(
+        *disturbance_notes(explanations, disturbances.most_certain(), "the calibration"), *notes_on(result, gains, arm)
+    )
 
 
 def identify_windows(

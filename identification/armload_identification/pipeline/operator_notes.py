@@ -62,6 +62,7 @@ def notes_on(
     ]
 
 
+_STANDARD_GRAVITY_M_S2: Final = 9.80665
 _CHECK: Final = {
     Disturbed.ZERO: "the joint's zero (a gear that gives way looks the same)",
     Disturbed.TILT: "the fastening of the base",
@@ -71,19 +72,30 @@ _CHECK: Final = {
 }
 
 
-def disturbance_notes(explanations: Sequence[Disturbance], since: str) -> Iterator[str]:
-    """A note on what alone explains the rows: a joint's zero, the base, a hose, or a force.
+def disturbance_notes(explanations: Sequence[Disturbance], certain: Disturbance | None, since: str) -> Iterator[str]:
+    """A note on what explains the rows: a joint's zero, the base, a hose, or a force.
 
     Args:
         explanations: Each alone.
+        certain: What is most certain; None if nothing is.
         since: What the base would have tilted since.
     """
-    if explanations:
-        said = ", or ".join(_disturbance_in_words(one, since) for one in explanations)
-        checks = listed(list(dict.fromkeys(_CHECK[one.of] for one in explanations)))
-        counts = all(one.of is Disturbed.PULL for one in explanations)
-        meant = "It counts as payload" if counts else "The intervals allow for that"
-        yield f"The loaded run is as if {said}. {meant}. Check {checks}."
+    if certain is None:
+        return
+    named = explanations or [certain]
+    said = ", or ".join(_disturbance_in_words(one, since) for one in named)
+    if not explanations:
+        said += ", and as if something else was wrong, too: the intervals may not hold"
+    elif any(one.of is not Disturbed.PULL for one in named):
+        said += "; the intervals allow for that"
+    checks = listed(list(dict.fromkeys(_CHECK[one.of] for one in named)))
+    hangs = "".join(
+        f" The mass may be {one.size / _STANDARD_GRAVITY_M_S2:.2g} kg too {'great' if one.error[0] > 0.0 else 'small'} "
+        "by the vertical force, which the intervals do not contain."
+        for one in named
+        if one.of is Disturbed.PULL
+    )
+    yield f"The loaded run is as if {said}.{hangs} Check {checks}."
 
 
 def _disturbance_in_words(one: Disturbance, since: str) -> str:
@@ -99,7 +111,7 @@ def _disturbance_in_words(one: Disturbance, since: str) -> str:
         does = "held" if one.error[0] > 0.0 else "pushed"
         way = "back to" if one.error[0] > 0.0 else "away from"
         middle = f"joint {one.joint + 1} {way} the middle of its travel"
-        return f"a hose or cable {does} {middle}, with {one.size:.2g} +- {half_width:.2g} N m (RMS)"
+        return f"a hose or cable {does} {middle}, with {one.size:.3g} +- {half_width:.2g} N m (RMS)"
     angle = f"{np.degrees(one.size):.2f} +- {np.degrees(half_width):.2f} deg"
     if one.of is Disturbed.TILT:
         return f"the base had tilted by {angle} since {since}"

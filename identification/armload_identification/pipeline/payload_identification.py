@@ -129,7 +129,7 @@ def _by_difference(
         result = completed(plain, fitted, adjusted, added_nm, gains, loaded, unloaded)
         if any(misfit_notes(result)):
             columns.require_right()
-        remarks = *drift.notes(), *disturbance_notes(explanations, "the unloaded run")
+        remarks = *drift.notes(), *disturbance_notes(explanations, disturbances.most_certain(), "the unloaded run")
         return result.with_notes(*remarks, *notes_on(result, gains, arm, columns.arm if arm is None else None))
 
     return identified
