@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import cached_property
 
 import numpy as np
 
@@ -133,13 +134,10 @@ class Disturbances:
     def without(self, one: Candidate, found: Posterior, chain: Chain, body: BodyModel) -> Disturbances:
         """The same by the noise that is left without a disturbance."""
         error, _ = _alone(one, self.gradient, self.information)
-        groups = []
-        for torque_nm, group in zip(self.torque_nm, found.problem.groups, strict=True):
-            loaded, *others = group.runs
-            effort_nm = loaded.rows.effort_nm - np.tensordot(error, torque_nm[one.place], axes=1)
-            groups.append(
-                replace(group, runs=(replace(loaded, rows=replace(loaded.rows, effort_nm=effort_nm)), *others))
-            )
+        groups = [
+            group.with_effort(group.runs[0].rows.effort_nm - np.tensordot(error, torque_nm[one.place], axes=1))
+            for torque_nm, group in zip(self.torque_nm, found.problem.groups, strict=True)
+        ]
         solution = solve(replace(found.problem, groups=groups), rough=True, start=found)
         rest = self._of_solution(solution, chain, body)
         gradient = rest.gradient + rest.information[:, one.place] @ error
@@ -161,18 +159,25 @@ class Disturbances:
         level_nm = np.sqrt(np.mean((rows.effort_nm @ np.linalg.inv(body.coupling)) ** 2, axis=0))
         return cls(torque_nm, *found.beside(*torque_nm), level_nm, _down(chain))
 
+    @cached_property
     def most_certain(self) -> Disturbance | None:
         """The disturbance that is most certain; None if none is certain."""
         one = max(self.candidates, key=self.certainty)
         return self._found(one) if self.certainty(one) > 1.0 else None
 
+    @cached_property
     def explanations(self) -> list[Disturbance]:
         """Disturbances of which each alone explains all that is certain; none if nothing is, or if two are needed."""
-        if self.most_certain() is None:
+        if self.most_certain is None:
             return []
         found = [one for one in self.candidates if self._explains(one)]
         vertical = any(one.of is Disturbed.PULL for one in found)
         return [self._found(one) for one in found if not (vertical and one.of is Disturbed.FORCE)]
+
+    @property
+    def named(self) -> list[Disturbance]:
+        """The explanations; without any the most certain disturbance, if one is."""
+        return self.explanations or ([] if self.most_certain is None else [self.most_certain])
 
     def certainty(self, one: Candidate) -> float:
         """Size of a disturbance relative to that from which it is certain."""
@@ -195,25 +200,24 @@ class Disturbances:
             error = error @ _force_axes(self.down)
         return Disturbance(one.of, one.joint, error, deviation, reach, pull)
 
-    def doubts(self, explanations: Sequence[Disturbance]) -> list[FloatArray]:
+    def doubts(self) -> list[FloatArray]:
         """(d, N, n) axis torque of one standard deviation of d independent errors, on the first run of every group.
 
         A vertical force is not among them: it counts as payload.
         """
-        known, certain = list(explanations), self.most_certain()
         gradient = self.gradient
-        if certain is not None:  # what it causes is not read as zeros and tilts once more
-            known, gradient = known or [certain], gradient - certain.pull
+        if self.most_certain is not None:  # what it causes is not read as zeros and tilts once more
+            gradient = gradient - self.most_certain.pull
         placed = slice(0, self.level_nm.size + 2)
         prior = np.eye(placed.stop) / DisturbanceLimits.usual_rad**2
         covariance = np.linalg.inv(self.information[placed, placed] + prior)
         mean = covariance @ gradient[placed]
         errors = np.zeros((placed.stop, self.gradient.size))
         errors[:, placed] = np.linalg.cholesky(covariance + np.outer(mean, mean)).T
-        errors = np.vstack([errors, *(one.reach for one in known if one.of is not Disturbed.PULL)])
+        errors = np.vstack([errors, *(one.reach for one in self.named if one.of is not Disturbed.PULL)])
         return [np.tensordot(errors, torque, axes=1) for torque in self.torque_nm]
 
-    @property
+    @cached_property
     def candidates(self) -> list[Candidate]:
         """All disturbances that are looked for."""
         limits, n = DisturbanceLimits, self.level_nm.size

@@ -6,7 +6,7 @@ The unknowns are laid out in one vector: those that several runs share first, th
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Final
 
@@ -75,6 +75,11 @@ class Group:
     def time_s(self) -> FloatArray:
         """(N,) time of the rows."""
         return self.runs[0].rows.time_s
+
+    def with_effort(self, effort_nm: FloatArray) -> Group:
+        """The group with another (N, n) axis torque of its first run."""
+        first, *others = self.runs
+        return replace(self, runs=(replace(first, rows=replace(first.rows, effort_nm=effort_nm)), *others))
 
     def mixed(self, values: FloatArray) -> FloatArray:
         """(c, N, ...) combinations of the runs' values.

@@ -24,7 +24,6 @@ from armload_identification.estimation.estimation_constants import Drift, Payloa
 from armload_identification.estimation.normal_equations import GroupState
 from armload_identification.estimation.payload_intervals import NORMAL_HALF_WIDTH, ONE_SIDED
 from armload_identification.estimation.posterior import Posterior
-from armload_identification.estimation.problem import Group
 from armload_identification.estimation.solve import solve
 from armload_identification.float_array import FloatArray
 
@@ -53,7 +52,8 @@ class RunDrift:
         if found.size <= Drift.refined:
             return found
         # the other unknowns have taken up a part of it: once more from where it is corrected
-        groups = [_loaded_times(float(np.exp(found.log_factor)), group) for group in posterior.problem.groups]
+        factor = float(np.exp(found.log_factor))
+        groups = [group.with_effort(factor * group.runs[0].rows.effort_nm) for group in posterior.problem.groups]
         rest = cls._from_posterior(solve(replace(posterior.problem, groups=groups), rough=True), arm)
         return replace(rest, log_factor=found.log_factor + rest.log_factor)
 
@@ -100,10 +100,3 @@ def _friction_nm(state: GroupState, x: FloatArray) -> FloatArray:
     torque = state.torque[0]
     of_joints = [np.einsum("mj,mtj->tj", x[place].reshape(len(term), -1), term) for place, term, _ in torque.joints]
     return np.asarray(torque.gain * (np.sum(of_joints, axis=0) @ state.coupling))
-
-
-def _loaded_times(factor: float, group: Group) -> Group:
-    """A pair's group with the torque of its loaded run times a factor."""
-    loaded, *others = group.runs
-    rows = replace(loaded.rows, effort_nm=factor * loaded.rows.effort_nm)
-    return replace(group, runs=(replace(loaded, rows=rows), *others))

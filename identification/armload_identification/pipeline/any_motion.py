@@ -90,16 +90,13 @@ def identify_alone(
     if mass_kg <= 0.0 or random_kg > DETERMINED_SHARE * mass_kg:
         raise quality.undetermined(name, mass_kg, float(np.hypot(plain.half_width_kg, NORMAL_HALF_WIDTH * FLOOR_KG)))
     disturbances = Disturbances.of(posterior, problem.layout.chain, arm.body)
-    explanations = disturbances.explanations()
-    plain = plain.doubting(*disturbances.doubts(explanations))
+    plain = plain.doubting(*disturbances.doubts())
     plain = replace(plain, shifts=np.vstack([plain.shifts, floor_kg / mass_kg * plain.theta]))
     signal = payload_signal(plain, motion, transmission)
     friction_nm = added_friction(plain, signal)
     gains = transmission.gains(from_torque=run.from_torque)
     result = completed(plain, None, signal, friction_nm, gains, run)
-    return result.with_notes(
-        *disturbance_notes(explanations, disturbances.most_certain(), "the calibration"), *notes_on(result, gains, arm)
-    )
+    return result.with_notes(*disturbance_notes(disturbances, "the calibration"), *notes_on(result, gains, arm))
 
 
 def identify_windows(

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_identification.estimation.contradicted_gains import GainFit
-from armload_identification.estimation.disturbances import Disturbance, Disturbed
+from armload_identification.estimation.disturbances import Disturbance, Disturbances, Disturbed
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.estimation.empty_arm.unloaded_arm import BodyFit
 from armload_identification.estimation.estimation_constants import Drift
@@ -72,19 +72,18 @@ _CHECK: Final = {
 }
 
 
-def disturbance_notes(explanations: Sequence[Disturbance], certain: Disturbance | None, since: str) -> Iterator[str]:
+def disturbance_notes(disturbances: Disturbances, since: str) -> Iterator[str]:
     """A note on what explains the rows: a joint's zero, the base, a hose, or a force.
 
     Args:
-        explanations: Each alone.
-        certain: What is most certain; None if nothing is.
+        disturbances: What the rows say of them.
         since: What the base would have tilted since.
     """
-    if certain is None:
+    named = disturbances.named
+    if not named:
         return
-    named = explanations or [certain]
     said = ", or ".join(_disturbance_in_words(one, since) for one in named)
-    if not explanations:
+    if not disturbances.explanations:
         said += ", and as if something else was wrong, too: the intervals may not hold"
     elif any(one.of is not Disturbed.PULL for one in named):
         said += "; the intervals allow for that"

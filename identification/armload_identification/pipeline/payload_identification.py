@@ -124,12 +124,11 @@ def _by_difference(
         if arm is not None:
             plain = plain.doubting(model_doubts(posterior, arm)).doubting(*elastic_torque(posterior, chain, arm.body))
         disturbances = Disturbances.of(posterior, problem.layout.chain, plain.body(0) if arm is None else arm.body)
-        explanations = disturbances.explanations()
-        plain = plain.doubting(*disturbances.doubts(explanations))
+        plain = plain.doubting(*disturbances.doubts())
         result = completed(plain, fitted, adjusted, added_nm, gains, loaded, unloaded)
         if any(misfit_notes(result)):
             columns.require_right()
-        remarks = *drift.notes(), *disturbance_notes(explanations, disturbances.most_certain(), "the unloaded run")
+        remarks = *drift.notes(), *disturbance_notes(disturbances, "the unloaded run")
         return result.with_notes(*remarks, *notes_on(result, gains, arm, columns.arm if arm is None else None))
 
     return identified

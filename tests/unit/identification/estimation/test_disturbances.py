@@ -145,8 +145,8 @@ def errors(values, deviation, across=()):
     ],
 )
 def test_a_disturbance_is_named_from_chance_the_usual_and_what_is_worth_it(place, deviation, named_from, of):
-    assert not errors({place: 0.99 * named_from}, {place: deviation}).explanations()
-    (found,) = errors({place: 1.02 * named_from}, {place: deviation}).explanations()
+    assert not errors({place: 0.99 * named_from}, {place: deviation}).explanations
+    (found,) = errors({place: 1.02 * named_from}, {place: deviation}).explanations
     assert found.of is of
     assert found.size == pytest.approx(1.02 * named_from, rel=0.01)
     assert found.deviation == pytest.approx(deviation, rel=0.01)
@@ -156,51 +156,51 @@ def test_a_disturbance_is_named_from_chance_the_usual_and_what_is_worth_it(place
 
 def test_all_that_alone_explain_it_are_named_and_none_if_two_are_needed():
     alike = errors({ZERO + 1: 0.02}, {ZERO + 1: 0.002, HOSE + 1: 0.5}, [((ZERO + 1, HOSE + 1), 0.999)])
-    assert [one.of for one in alike.explanations()] == [Disturbed.ZERO, Disturbed.HOSE]
+    assert [one.of for one in alike.explanations] == [Disturbed.ZERO, Disturbed.HOSE]
     slight = errors({ZERO + 1: 0.02}, {ZERO + 1: 0.002, FORCE: 20.0}, [((ZERO + 1, FORCE), 0.999)])
-    assert [one.of for one in slight.explanations()] == [Disturbed.ZERO, Disturbed.FORCE]
+    assert [one.of for one in slight.explanations] == [Disturbed.ZERO, Disturbed.FORCE]
     unlikely = errors({ZERO + 1: 0.02}, {ZERO + 1: 0.002, FORCE: 0.15}, [((ZERO + 1, FORCE), 0.999)])
-    assert [one.of for one in unlikely.explanations()] == [Disturbed.ZERO], "1.5 N are not worth a word"
+    assert [one.of for one in unlikely.explanations] == [Disturbed.ZERO], "1.5 N are not worth a word"
     both = errors({ZERO + 1: 0.02, HOSE + 4: 8.0}, {ZERO + 1: 0.002, HOSE + 4: 0.5})
-    assert not both.explanations()
-    assert both.most_certain().of is Disturbed.HOSE
+    assert not both.explanations
+    assert both.most_certain.of is Disturbed.HOSE
     (note,) = notes_on(both)
     assert note.startswith("The loaded run is as if a hose or cable held joint 5 back")
     assert "and as if something else was wrong, too: the intervals may not hold." in note
-    assert len(both.doubts([])[0]) == JOINTS + 3
+    assert len(both.doubts()[0]) == JOINTS + 3
 
 
 def test_doubts_are_what_rows_and_prior_leave_of_zeros_and_tilts_and_all_of_what_is_named():
     quiet = errors({}, {ZERO: 0.0005, TILT: 0.001, FORCE: 1.0})
-    (torque,) = quiet.doubts(quiet.explanations())
+    (torque,) = quiet.doubts()
     assert len(torque) == JOINTS + 2
     left = np.full(JOINTS + 2, 5e-4)
     left[ZERO], left[TILT] = np.sqrt(0.5) * 5e-4, 5e-4 / np.sqrt(1.25)
     np.testing.assert_allclose(torque, left[:, None, None] * quiet.torque_nm[0][: JOINTS + 2], rtol=1e-6)
     loud = errors({FORCE: 10.0}, {FORCE: 1.0})
-    (torque,) = loud.doubts(loud.explanations())
+    (torque,) = loud.doubts()
     assert len(torque) == JOINTS + 6
     np.testing.assert_allclose(torque[JOINTS + 2], (10.0 + 1.645) / 1.96 * loud.torque_nm[0][FORCE], rtol=1e-3)
     hanging = errors({FORCE + 2: 10.0}, {FORCE + 2: 1.0})
-    assert len(hanging.doubts(hanging.explanations())[0]) == JOINTS + 2, "it counts as payload"
+    assert len(hanging.doubts()[0]) == JOINTS + 2, "it counts as payload"
     shown = errors({ZERO: 1e-3}, {ZERO: 5e-4})
-    (torque,) = shown.doubts(())
+    (torque,) = shown.doubts()
     np.testing.assert_allclose(torque[0], np.sqrt(0.125e-6 + 0.25e-6) * shown.torque_nm[0][ZERO], rtol=1e-3)
 
 
 def notes_on(found):
-    return list(disturbance_notes(found.explanations(), found.most_certain(), "the calibration"))
+    return list(disturbance_notes(found, "the calibration"))
 
 
 def test_what_a_named_disturbance_causes_is_not_read_as_zeros_once_more():
     found = errors({FORCE: 20.0}, {ZERO: 5e-4, FORCE: 1.0}, [((ZERO, FORCE), 0.9)])
-    (torque,) = found.doubts(found.explanations())
+    (torque,) = found.doubts()
     np.testing.assert_allclose(torque[0], np.sqrt(0.5) * 5e-4 * found.torque_nm[0][ZERO], rtol=0.05)
 
 
 def test_the_deviation_of_a_force_is_that_beside_its_other_components():
     found = errors({FORCE: 20.0, FORCE + 1: 10.0}, {FORCE: 1.0, FORCE + 1: 1.0}, [((FORCE, FORCE + 1), 0.95)])
-    (force,) = found.explanations()
+    (force,) = found.explanations
     along = np.array([2.0, 1.0]) / np.sqrt(5.0)
     information = np.array([[1.0, 0.95], [0.95, 1.0]])
     assert force.deviation == pytest.approx(np.sqrt(along @ np.linalg.inv(information) @ along), rel=0.01)
@@ -213,7 +213,7 @@ def test_words_name_each_disturbance_with_its_unit_and_what_to_check():
     assert note.startswith("The loaded run is as if joint 1 stood 2.")
     assert "below its recorded position, or a hose or cable held joint 1 back" in note
     assert note.endswith("Check the joint's zero (a gear that gives way looks the same) and hoses.")
-    assert not list(disturbance_notes([], None, "the calibration"))
+    assert not list(disturbance_notes(errors({}, {}), "the calibration"))
     for newton, way in ((8.0, "down"), (-8.0, "up")):
         (note,) = notes_on(errors({FORCE + 2: newton}, {FORCE + 2: 1.0}))
         assert f"a force of 8.0 +- 2.0 N pulled the flange {way}. The mass may be 0.82 kg too" in note
