@@ -1,10 +1,10 @@
 """Coverage of the 95 % intervals on four arms: nominal and calibrated pairs, single runs, both plants.
 
-Every seed draws what the priors state, and payloads: the errors of the gains; their drift from run to run; another
-friction on the day of the identification, with the gears' loss by the load, than on that of the calibration. Both
-excitations with the empty arm, with a heavy payload that was weighed, and with one that was not, calibrate the arm;
-another payload is identified on one of them. Exact gains do not drift, nor do nominal ones, whose intervals do not
-allow for it. The Panda is simulated by Pinocchio, and has no harsh plant.
+Every seed draws what the priors state, and payloads: the errors of the gains; their drift from run to run, and since
+the calibration; another friction on the day of the identification, with the gears' loss by the load, than on that of
+the calibration. Both excitations with the empty arm, with a heavy payload that was weighed, and with one that was not,
+calibrate the arm; another payload is identified on one of them. Exact gains do not drift, nor do nominal ones, whose
+intervals do not allow for it. The Panda is simulated by Pinocchio, and has no harsh plant.
 
     python -m benchmarks.accuracy.interval_coverage [SEEDS [FIRST_SEED [ARM...]]]
 """
@@ -26,6 +26,7 @@ from armload_controller.config.robot import Robot, load_robot
 from armload_drivers.cia402.arm_settings import EffortFeedback
 from armload_identification.calibration.calibration_result import COLD
 from armload_identification.calibration.mounted_runs import MountedRun, WeighedPayload
+from armload_identification.calibration.session_gains import ASSUMED
 from armload_identification.estimation.estimation_constants import Drift
 from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import IdentificationError
@@ -133,14 +134,14 @@ def deviations(name: str, twin: Twin, seed: int) -> dict[Mode, FloatArray]:
     other, carried = rng.permutation([index for index, payload in enumerate(shelf) if payload is not weighed])[:2]
     role, truth = ROLES[rng.integers(len(ROLES))], shelf[carried].inertial().values
 
-    friction = FRICTION[rng.integers(len(FRICTION))]
+    friction, since = FRICTION[rng.integers(len(FRICTION))], rng.normal(0.0, ASSUMED)
 
-    def recorded(role: str, payload: Cuboid | None, friction: float = 1.0, drifts: float = 1.0) -> Recording:
-        drift = drifts * rng.normal(0.0, Drift.between_runs / np.sqrt(2.0))
+    def recorded(role: str, payload: Cuboid | None, friction: float = 1.0, since: float = 0.0) -> Recording:
+        drift = since + rng.normal(0.0, Drift.between_runs / np.sqrt(2.0))
         return _recorded(name, twin, role, payload, friction, (1.0 + error) * (1.0 + drift) - 1.0, rng)
 
-    pair = recorded(role, shelf[carried], friction), recorded(role, None, friction)
-    steady = recorded(role, shelf[carried], friction, 0.0), recorded(role, None, friction, 0.0)
+    pair = recorded(role, shelf[carried], friction, since), recorded(role, None, friction, since)
+    steady, steady_empty = (_recorded(name, twin, role, on, friction, error, rng) for on in (shelf[carried], None))
     calibration = calibrated(
         [
             MountedRun(recorded(on, payload), payload.what if payload else "")
@@ -151,7 +152,7 @@ def deviations(name: str, twin: Twin, seed: int) -> dict[Mode, FloatArray]:
         nominal,
     )
     cases = {
-        Mode.NOMINAL: (None, *steady, chain, nominal),
+        Mode.NOMINAL: (None, steady, steady_empty, chain, nominal),
         Mode.PAIR: (calibration, *pair, chain, nominal),
         Mode.SINGLE: (calibration, pair[0], None, chain, nominal),
     }
@@ -163,7 +164,7 @@ def deviations(name: str, twin: Twin, seed: int) -> dict[Mode, FloatArray]:
     found = {}
     for mode, case in cases.items():
         try:
-            uncertainty = identified_with(*case).uncertainty
+            uncertainty = identified_with(*case, drifts=True).uncertainty
             found[mode] = (uncertainty.values - truth) / uncertainty.half_width_95
         except IdentificationError:
             found[mode] = np.full(len(truth), np.nan)

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from armload_identification.calibration.calibrate_arm import calibrate_arm
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.calibration.mounted_runs import ArmRuns, MountedRun, WeighedPayload
+from armload_identification.calibration.session_gains import SessionGains
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import Provenance
 from armload_identification.pipeline.identification_result import Identification
@@ -44,18 +45,27 @@ def identified_with(
     unloaded: Recording | None,
     chain: Chain,
     transmission: Transmission,
+    *,
+    drifts: bool = False,
 ) -> Identification:
     """A payload identified with a calibrated arm, or with nominal gains without a calibration.
+
+    Args:
+        calibration: The arm; None if it is not calibrated.
+        loaded: Run with the payload.
+        unloaded: Run without it, if there is one.
+        chain: The arm.
+        transmission: Nominal gains, and coupling.
+        drifts: Whether the gains may have drifted since the calibration.
 
     Raises:
         IdentificationError: the recordings were refused.
     """
     if calibration is None:
         return identify_runs(loaded, unloaded, chain, transmission)
-    return identify_runs(
-        loaded,
-        unloaded,
-        calibration.level(chain),
-        calibration.transmission(transmission),
-        arm=calibration.known_arm,
-    )
+    level, gains, arm = calibration.level(chain), calibration.transmission(transmission), calibration.known_arm
+    if drifts:
+        session = SessionGains.assumed(calibration)
+        run = loaded if unloaded is None else unloaded
+        arm = session.within(run, calibration, chain, transmission, loaded=unloaded is None).arm(arm)
+    return identify_runs(loaded, unloaded, level, gains, arm=arm)

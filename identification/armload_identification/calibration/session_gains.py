@@ -20,6 +20,7 @@ import numpy as np
 from armload_identification.calibration.calibration_result import FEWEST_SESSIONS, ArmCalibration
 from armload_identification.estimation.arm_terms import GAIN
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
+from armload_identification.estimation.estimation_constants import Drift
 from armload_identification.estimation.payload_intervals import NORMAL_HALF_WIDTH, ONE_SIDED
 from armload_identification.estimation.payload_problem import single_problem
 from armload_identification.estimation.prior_knowledge import KnownPayload
@@ -36,8 +37,8 @@ ASSUMED: Final = 0.01
 LARGEST: Final = 0.2
 """Greatest standard deviation that can be stated."""
 LEAST: Final = 0.001
-"""Least standard deviation that is not stated: the calibration's own errors, on another motion. Sessions of one
-calibration seem alike because the arm's links are fitted to them."""
+"""The calibration's own errors, on another motion, as a standard deviation: of what its sessions show, which seem alike
+because the arm's links are fitted to them, and of what a run says."""
 OF_REFERENCE: Final = 0.003
 """The same of a drift that a reference has measured: on 31 January the UR10e's empty run says -0.4 %, the loaded one
 -0.8 %, where the weighed payload shows none."""
@@ -91,14 +92,14 @@ class SessionGains:
             RecordingError: a recording that does not fit the arm, or is invalid.
         """
         tool = None if mass_kg is None else KnownPayload(mass_kg=mass_kg)
-        found, deviation = self._factor_in(reference, calibration, chain, transmission, tool)
+        found, deviation = self._with_prior(*_factor_in(reference, calibration, chain, transmission, tool))
         whole = float(np.hypot(deviation, min(OF_REFERENCE, self.deviation)))
         return SessionGains(found, whole, f"measured by {reference.source.path.name}")
 
     def within(
         self, run: Recording, calibration: ArmCalibration, chain: Chain, transmission: Transmission, *, loaded: bool
     ) -> SessionGains:
-        """As much of it as a run of the session leaves possible: what it cannot tell, and what it says beyond that.
+        """As much of it as a run of the session leaves possible, as of `beside`.
 
         Args:
             calibration: The arm.
@@ -107,62 +108,31 @@ class SessionGains:
             loaded: Whether it carried the payload; else nothing.
         """
         carried = KnownPayload() if loaded else None
-        found, deviation = self._factor_in(run, calibration, chain, transmission, carried)
-        beyond = max(abs(found - self.log_factor) - NORMAL_HALF_WIDTH * deviation, 0.0)
-        return self._narrowed_by_run(found, float(np.hypot(deviation, beyond)), beyond > deviation)
+        return self.beside(*_factor_in(run, calibration, chain, transmission, carried))
 
-    def beside(self, found: float, deviation: float) -> SessionGains:
+    def beside(self, said: float, deviation: float) -> SessionGains:
         """The same from what a motion with the gains of this session says of an error of the factor.
 
-        The interval is from zero, because the error is not corrected, to where the factor may be.
+        The interval is from zero, because the error is not corrected, to where the factor may be. A motion that
+        certainly contradicts what was known before counts alone.
 
         Args:
-            found: Its logarithm if nothing else is known of it.
+            said: Its logarithm if nothing else is known of it.
             deviation: Standard deviation of that.
         """
         if self.log_factor:
             return self
-        whole = deviation**-2.0 + self.deviation**-2.0
-        found, deviation = found * deviation**-2.0 / whole, whole**-0.5
-        reach = max(NORMAL_HALF_WIDTH * deviation, abs(found) + ONE_SIDED * deviation)
-        return self._narrowed_by_run(found, reach / NORMAL_HALF_WIDTH, abs(found) > 3.0 * deviation)
+        refuted = abs(said) > Drift.noted * np.hypot(deviation, self.deviation)
+        found, left = (said, deviation) if refuted else self._with_prior(said, deviation)
+        reach = max(NORMAL_HALF_WIDTH * left, abs(found) + ONE_SIDED * left)
+        speaks = f"; by itself, the run says {100.0 * np.expm1(said):+.1f} %" if abs(found) > Drift.noted * left else ""
+        origin = f"what this run leaves possible of {100.0 * self.deviation:.2g} %, {self.origin}{speaks}"
+        return SessionGains(self.log_factor, reach / NORMAL_HALF_WIDTH, origin)
 
-    def _narrowed_by_run(self, found: float, deviation: float, speaks: bool) -> SessionGains:
-        """With the part that a run leaves, and what the run says if it speaks against the calibration."""
-        said = f"; by itself, the run says {100.0 * np.expm1(found):+.1f} %" if speaks else ""
-        left = f"what this run leaves possible of {100.0 * self.deviation:.2g} %, {self.origin}{said}"
-        return SessionGains(self.log_factor, deviation, left)
-
-    def _factor_in(
-        self,
-        run: Recording,
-        calibration: ArmCalibration,
-        chain: Chain,
-        transmission: Transmission,
-        carried: KnownPayload | None,
-    ) -> tuple[float, float]:
-        """The logarithm of the factor from a run with a payload, or without, and the prior, and its standard deviation.
-
-        The prior is combined with what the run says where the solve has ended with the factor free: held by the prior,
-        5 % would remain as residual, count as noise, and hide themselves.
-        """
-        known, level = calibration.known_arm, calibration.level(chain)
-        gains = calibration.transmission(transmission)
-        motion = usable_runs([run], chain.n, gains, known.effort)[0].motion
-        found, information, free = self.log_factor, 0.0, LARGEST**-2.0
-        for _ in range(_STEPS):
-            now = motion.with_torque_times(np.exp(found) * np.eye(chain.n))
-            problem = single_problem(now, level, gains.coupling, known).knowing(carried.prior() if carried else None)
-            if carried is None:
-                (group,) = problem.groups
-                problem = replace(problem, groups=[Group((RunRows(group.runs[0].rows),))])
-            posterior = solve(problem, rough=True)
-            pull, left = posterior.beside(posterior.groups[0].torque[0].predicted_nm[None])
-            information = float(left[0, 0])
-            found -= (float(pull[0]) + free * (found - self.log_factor)) / (information + free)
-        precision = information + self.deviation**-2.0
-        found = self.log_factor + information / precision * (found - self.log_factor)
-        return found, float(np.hypot(precision**-0.5, min(LEAST, self.deviation)))
+    def _with_prior(self, said: float, deviation: float) -> tuple[float, float]:
+        """What a run says by itself and its standard deviation, together with what was known before."""
+        precision = deviation**-2.0 + self.deviation**-2.0
+        return self.log_factor + (said - self.log_factor) * deviation**-2.0 / precision, precision**-0.5
 
     def corrected(self, calibration: ArmCalibration) -> ArmCalibration:
         """The calibration with the gains of the session."""
@@ -190,3 +160,27 @@ class SessionGains:
         gains = next(term.mean.size for term in known.terms if term.name == GAIN)
         error: FloatArray = np.where(np.arange(size) < gains, self.deviation, 0.0)
         return replace(known, errors=np.vstack([known.errors, error]))
+
+
+def _factor_in(
+    run: Recording, calibration: ArmCalibration, chain: Chain, transmission: Transmission, carried: KnownPayload | None
+) -> tuple[float, float]:
+    """The logarithm of the factor by a run alone, with a payload or without, and its standard deviation.
+
+    The prior counts only afterwards: held by it, 5 % would remain as residual, count as noise, and hide themselves.
+    """
+    known, level = calibration.known_arm, calibration.level(chain)
+    gains = calibration.transmission(transmission)
+    motion = usable_runs([run], chain.n, gains, known.effort)[0].motion
+    found, information, free = 0.0, 0.0, LARGEST**-2.0
+    for _ in range(_STEPS):
+        now = motion.with_torque_times(np.exp(found) * np.eye(chain.n))
+        problem = single_problem(now, level, gains.coupling, known).knowing(carried.prior() if carried else None)
+        if carried is None:
+            (group,) = problem.groups
+            problem = replace(problem, groups=[Group((RunRows(group.runs[0].rows),))])
+        posterior = solve(problem, rough=True)
+        pull, left = posterior.beside(posterior.groups[0].torque[0].predicted_nm[None])
+        information = float(left[0, 0])
+        found -= (float(pull[0]) + free * found) / (information + free)
+    return found, float(np.hypot(information**-0.5, LEAST))
