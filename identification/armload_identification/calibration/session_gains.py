@@ -122,11 +122,14 @@ class SessionGains:
         """
         if self.log_factor:
             return self
-        refuted = abs(said) > Drift.noted * np.hypot(deviation, self.deviation)
-        found, left = (said, deviation) if refuted else self._with_prior(said, deviation)
+        percent, known = 100.0 * np.expm1(said), f"{100.0 * self.deviation:.2g} %, {self.origin}"
+        if abs(said) > Drift.noted * np.hypot(deviation, self.deviation):
+            found, left, origin = said, deviation, f"the run says {percent:+.1f} %, which contradicts {known}"
+        else:
+            found, left = self._with_prior(said, deviation)
+            speaks = f"; by itself, the run says {percent:+.1f} %" if abs(found) > Drift.noted * left else ""
+            origin = f"what this run leaves possible of {known}{speaks}"
         reach = max(NORMAL_HALF_WIDTH * left, abs(found) + ONE_SIDED * left)
-        speaks = f"; by itself, the run says {100.0 * np.expm1(said):+.1f} %" if abs(found) > Drift.noted * left else ""
-        origin = f"what this run leaves possible of {100.0 * self.deviation:.2g} %, {self.origin}{speaks}"
         return SessionGains(self.log_factor, reach / NORMAL_HALF_WIDTH, origin)
 
     def _with_prior(self, said: float, deviation: float) -> tuple[float, float]:

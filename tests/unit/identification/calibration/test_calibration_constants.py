@@ -286,7 +286,7 @@ def test_a_motion_that_contradicts_the_prior_counts_alone(said, told):
     left = SessionGains(0.0, 0.001, "as stated").beside(said, 0.0013)
     found, deviation = (said, 0.0013) if told else (0.3717 * said, 0.00079262)
     assert left.deviation == pytest.approx((abs(found) + 1.645 * deviation) / 1.959964, rel=1e-3)
-    assert left.origin.endswith("by itself, the run says -0.5 %") is told
+    assert (left.origin == "the run says -0.5 %, which contradicts 0.1 %, as stated") is told
 
 
 def test_a_run_of_the_session_is_such_a_motion(monkeypatch):
