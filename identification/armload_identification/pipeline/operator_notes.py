@@ -184,8 +184,8 @@ def _on_nominal_gains(gains: Gains, found: Identification) -> Iterator[str]:
         shift_kg = Drift.between_runs * abs(float(found.plain.drifting[0]))
         yield (
             f"{what}: the scale is not verified, and an error that all joints have in common gives the same relative "
-            f"error of the mass. The intervals allow, in 95 % of cases, for {each:.0f} % on each joint and for "
-            f"{all_together:.0f} % on all together{of_gears}. "
+            f"error of the mass. The intervals allow, in 95 % of cases, for {each:.2g} % on each joint and for "
+            f"{all_together:.2g} % on all together{of_gears}. "
             "A weighed payload verifies the scale: `armload calibrate`."
         )
         if shift_kg > Drift.matters * found.uncertainty.half_width_95[0]:

@@ -156,8 +156,8 @@ def test_pauses_are_told_with_how_often_every_part_was_measured_at_full_speed():
     ("calibrated", "by_torque", "said"),
     [
         (ALL, False, []),
-        (NONE, True, ["as reported", "not verified", "12 %", "4 %"]),
-        (NONE, False, ["nominal", "not verified", "12 %", "2 %"]),
+        (NONE, True, ["as reported", "not verified", "12 %", "for 3.9 % on all"]),
+        (NONE, False, ["nominal", "not verified", "12 %", "for 1.6 % on all"]),
         (np.array([True, False, True]), False, ["joint 2"]),
     ],
 )
