@@ -143,7 +143,7 @@ def _agreement(
         min(one.margin, two.margin) >= SMALLEST_MARGIN,
     )
     signal = identify_runs(pairs["b"].loaded, pairs["b"].unloaded, robot.chain, transmission).signal
-    predicted = payload_torque(robot.chain, _turned(one, turn).theta, *signal.states)
+    predicted = payload_torque(robot.chain, _turned(one, turn).theta, *signal.loaded.states)
     used = signal.valid
     left, raw = (
         np.sqrt(np.mean((measured - predicted)[used] ** 2, axis=0) / np.mean(measured[used] ** 2, axis=0))

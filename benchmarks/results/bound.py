@@ -54,10 +54,10 @@ def bound_of(setup: Setup) -> FloatArray:
 def _columns(setup: Setup, result: Identification) -> FloatArray:
     """(K, n, p) columns of a payload and of the load-dependent friction of each joint that moves."""
     signal, body = result.signal, result.plain.body(0)
-    phi = payload_regressor(setup.chain, *signal.states)
-    empty_nm = body.link_torque(setup.chain, *signal.states)
+    phi = payload_regressor(setup.chain, *signal.loaded.states)
+    empty_nm = body.link_torque(setup.chain, *signal.loaded.states)
     per_unit = replace(body, load_friction=np.ones(setup.chain.n))
-    of_load = per_unit.added_friction(empty_nm, phi @ result.plain.theta, signal.states.velocity_rad_s)
+    of_load = per_unit.added_friction(empty_nm, phi @ result.plain.theta, signal.loaded.states.velocity_rad_s)
     moving = np.flatnonzero(signal.loaded.moves)
     return np.concatenate([phi, of_load[:, :, None] * np.eye(setup.chain.n)[:, moving]], axis=2)
 

@@ -133,9 +133,9 @@ def pair_problem(
     noise = _sampled_noise(effort_level(rows), differences, coupling)
     if arm is not None:
         problem = Problem(_known_arm(rows, layout, arm), groups, noise, coupling, [arm.known])
-        return PayloadProblem(problem, layout, signal.interval_s)
+        return PayloadProblem(problem, layout, signal.loaded.interval_s)
     problem = Problem(_unknown_arm(rows, layout), groups, noise, coupling)
-    return PayloadProblem(problem, layout, signal.interval_s).with_gains(np.zeros((chain.n, chain.n)))
+    return PayloadProblem(problem, layout, signal.loaded.interval_s).with_gains(np.zeros((chain.n, chain.n)))
 
 
 def _sampled_noise(level_nm: FloatArray, parts: Sequence[tuple[LoadSignal, RowWindow]], coupling: FloatArray) -> Noise:
@@ -174,7 +174,7 @@ def _both_valid(signal: LoadSignal) -> list[Motion]:
 
     Two average periods differ in the last digits of theirs, by which the number of rows could differ.
     """
-    return [replace(run, time_s=signal.time_s, valid=signal.valid) for run in (signal.loaded, signal.unloaded)]
+    return [replace(run, time_s=signal.loaded.time_s, valid=signal.valid) for run in (signal.loaded, signal.unloaded)]
 
 
 def single_problem(run: Motion, chain: Chain, coupling: FloatArray, arm: KnownArm) -> PayloadProblem:

@@ -114,14 +114,14 @@ def completed(
         runs: The loaded and, if there is one, the unloaded run.
     """
     parameters = make_physical(plain)
-    regressor = payload_regressor(plain.arm.layout.chain, *signal.states)
+    regressor = payload_regressor(plain.arm.layout.chain, *signal.loaded.states)
     payload_nm = regressor @ plain.theta
     predicted_nm = regressor @ parameters.theta + friction_nm
     value = used.value if gains is None else used.value * np.exp(gains.log_gain)
     slope = derived(parameters)[1][:4]
     velocity = signal.unloaded.states.velocity_rad_s
     state = plain.posterior.groups[0]
-    row = np.minimum(np.searchsorted(state.group.time_s, signal.time_s), state.struck.size - 1)
+    row = np.minimum(np.searchsorted(state.group.time_s, signal.loaded.time_s), state.struck.size - 1)
     return Identification(
         plain=plain,
         gains=gains,
@@ -161,9 +161,9 @@ def payload_result(result: Identification, made: Provenance) -> PayloadResult:
 
 def added_friction(plain: PayloadEstimate, signal: LoadSignal) -> FloatArray:
     """(K, n) friction of the loaded run beyond that of the arm that was subtracted, at the samples of a signal."""
-    body, chain, velocity = plain.body(0), plain.arm.layout.chain, signal.states.velocity_rad_s
+    body, chain, velocity = plain.body(0), plain.arm.layout.chain, signal.loaded.states.velocity_rad_s
     direction = smooth_sign(velocity, body.reversal_speed_rad_s)
-    payload_nm = payload_regressor(chain, *signal.states) @ plain.theta
-    of_load = body.added_friction(body.link_torque(chain, *signal.states), payload_nm, velocity)
+    payload_nm = payload_regressor(chain, *signal.loaded.states) @ plain.theta
+    of_load = body.added_friction(body.link_torque(chain, *signal.loaded.states), payload_nm, velocity)
     coulomb, viscous, offset = plain.friction(0) - plain.friction(plain.runs - 1)
     return np.asarray(of_load + direction * coulomb + velocity * viscous + offset)

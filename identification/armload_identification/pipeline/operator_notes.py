@@ -22,7 +22,7 @@ from armload_identification.pipeline.identification_result import Identification
 from armload_identification.recording.recording import RecordingSource
 from armload_identification.signals.joint_torque import Gains
 from armload_identification.signals.load_signal import LoadSignal
-from armload_identification.signals.motion import ABOVE_BAND
+from armload_identification.signals.motion import ABOVE_BAND, Motion
 from armload_identification.signals.recorded_run import Run
 from armload_identification.signals.signal_constants import SamePath, Smoothing
 from armload_identification.verdict.decision_levels import ArmFit, PayloadChangeLevels, PayloadFit, Timing
@@ -57,7 +57,7 @@ def notes_on(
         *_on_contradictions(found.gains),
         *_on_signal(found.signal, found.struck),
         *_on_result(found),
-        *_on_blows(found.signal, found.struck),
+        *_on_blows(found.signal.loaded, found.struck),
         *_on_calibrated_arm(found.plain, arm),
     ]
 
@@ -142,8 +142,8 @@ def _on_interruptions(signal: LoadSignal) -> Iterator[str]:
 
 def _on_times(found: Identification) -> Iterator[str]:
     """A clock that is not that of the excitation, and torque that is not of the time of its position."""
-    signal = found.signal
-    took_s, rate = len(signal.time_s) * signal.interval_s, signal.loaded.rate
+    run = found.signal.loaded
+    took_s, rate = len(run.time_s) * run.interval_s, run.rate
     if SamePath.period_share < abs(rate - 1.0) < Timing.other_speed_share:
         yield (
             f"A period took {took_s:.4g} s by the time stamps, {took_s / rate:.4g} s by the excitation: if the clock "
@@ -252,7 +252,7 @@ def _on_signal(signal: LoadSignal, struck: NDArray[np.bool_]) -> Iterator[str]:
     gaps = np.count_nonzero(~signal.valid & ~struck)
     if gaps:
         yield f"{gaps} of {signal.valid.size} samples are in gaps and were not used."
-    few = signal.periodic and 0 < min(count for count in signal.periods if count) < PayloadFit.fewest_periods
+    few = signal.loaded.periodic and 0 < min(count for count in signal.periods if count) < PayloadFit.fewest_periods
     if few and signal.noise_source == ABOVE_BAND:
         yield (
             "A run contains only one period, so its noise was taken from the signal above the motion's band, and the "
@@ -280,12 +280,12 @@ def _on_result(found: Identification) -> Iterator[str]:
         yield "Not determined by these data: " + ", ".join(uncertainty.undetermined_names) + "."
 
 
-def _on_blows(signal: LoadSignal, struck: NDArray[np.bool_]) -> Iterator[str]:
+def _on_blows(run: Motion, struck: NDArray[np.bool_]) -> Iterator[str]:
     """The excluded part of the motion."""
     if struck.any():
-        when = ", ".join(f"{moment:.1f}" for moment in signal.time_s[struck & ~np.roll(struck, 1)])
+        when = ", ".join(f"{moment:.1f}" for moment in run.time_s[struck & ~np.roll(struck, 1)])
         yield (
-            f"{np.count_nonzero(struck) * signal.interval_s:.1f} s of the motion were left out, from {when} s on: "
+            f"{np.count_nonzero(struck) * run.interval_s:.1f} s of the motion were left out, from {when} s on: "
             "several joints have large residuals there at once, as after an impact on the arm."
         )
 

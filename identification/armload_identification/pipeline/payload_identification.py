@@ -100,7 +100,7 @@ def _by_difference(
 ) -> Callable[[Prior | None], Identification]:
     """The payload of a pair as a function of the prior; what does not depend on it is computed once."""
     signal = load_signal(loaded, unloaded)
-    slow = slow_round_signal(loaded, unloaded) if signal.periodic else None
+    slow = slow_round_signal(loaded, unloaded) if signal.loaded.periodic else None
     columns = RunColumns(signal, (loaded, unloaded), chain, transmission.coupling, arm)
     if not columns.look_right:
         columns.require_right()

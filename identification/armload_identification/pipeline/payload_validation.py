@@ -128,7 +128,7 @@ def judge(measured: Identification, chain: Chain, judged: KnownMassCenter, toler
     signal = measured.signal
     again = KnownMassCenter(measured.parameters, measured.mass_center)
     agreement = compare_known(judged, again, tolerance)
-    regressor = payload_regressor(chain, *signal.states)
+    regressor = payload_regressor(chain, *signal.loaded.states)
     load = regressor @ judged.parameters.theta
     friction = measured.friction_nm
     predicted = load + friction
@@ -138,7 +138,9 @@ def judge(measured: Identification, chain: Chain, judged: KnownMassCenter, toler
             agreement=agreement,
             of_payload=joint_scales(signal, load, friction),
             of_measured=joint_scales(signal, regressor @ measured.parameters.theta, friction),
-            remedy=remedy_for(agreement, length, measured.plain, measured.parameters, signal.states.position_rad),
+            remedy=remedy_for(
+                agreement, length, measured.plain, measured.parameters, signal.loaded.states.position_rad
+            ),
         ),
         measured=measured,
         predicted_nm=predicted,

@@ -37,7 +37,7 @@ from armload_identification.report.payload_in_words import (
     truth_sentence,
 )
 from armload_identification.report.reported_payload import ReportedPayload
-from armload_identification.signals.load_signal import LoadSignal
+from armload_identification.signals.motion import Motion
 from armload_identification.signals.signal_constants import Smoothing
 from armload_identification.verdict.joint_words import listed
 
@@ -101,14 +101,14 @@ def _notes(payload: PayloadResult, fit: Identification | None) -> Iterator[str]:
         yield from fit.notes
 
 
-def _motion_panels(signal: LoadSignal, names: tuple[str, ...]) -> Iterator[tuple[str, str, Markup]]:
+def _motion_panels(run: Motion, names: tuple[str, ...]) -> Iterator[tuple[str, str, Markup]]:
     """Name, caption and figure of every joint's motion."""
     for joint, name in enumerate(names):
-        low, high = signal.states.position_rad[:, joint].min(), signal.states.position_rad[:, joint].max()
-        fastest = np.abs(signal.states.velocity_rad_s[:, joint]).max()
+        low, high = run.states.position_rad[:, joint].min(), run.states.position_rad[:, joint].max()
+        fastest = np.abs(run.states.velocity_rad_s[:, joint]).max()
         caption = f"{numeral(low, 2)} to {numeral(high, 2)}{NO_BREAK}rad, at most {numeral(fastest, 2)}{NO_BREAK}rad/s"
         title = f"Position and velocity of joint {joint + 1} ({name}) over time: {caption}."
-        yield name, caption, Markup(joint_figures.motion_figure(signal, joint, f"motion-{joint + 1}", title))
+        yield name, caption, Markup(joint_figures.motion_figure(run, joint, f"motion-{joint + 1}", title))
 
 
 def _runs(subject: ReportedPayload, names: tuple[str, ...]) -> Iterator[dict[str, object]]:

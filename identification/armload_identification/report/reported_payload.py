@@ -10,7 +10,7 @@ from armload_identification.pipeline.identification_result import Identification
 from armload_identification.pipeline.payload_validation import Validation
 from armload_identification.recording.recording import RecordingSource
 from armload_identification.report.verdict_box import VerdictBox, verdict_box
-from armload_identification.signals.load_signal import LoadSignal
+from armload_identification.signals.motion import Motion
 
 
 class ArmDescription(Protocol):
@@ -60,10 +60,10 @@ class ReportedPayload:
         return fitted, validating
 
     @property
-    def motion(self) -> tuple[LoadSignal, RecordingSource] | None:
+    def motion(self) -> tuple[Motion, RecordingSource] | None:
         """The motion to show, and the recording that contains its excitation."""
         runs = self.fitted or self.validation
-        return None if runs is None else (runs.signal, runs.sources[0])
+        return None if runs is None else (runs.signal.loaded, runs.sources[0])
 
     @property
     def verdict(self) -> VerdictBox:

@@ -20,7 +20,6 @@ from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import RecordingError
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.chain import Chain
-from armload_identification.model.joint_states import JointStates
 from armload_identification.model.smooth_sign import smooth_sign
 from armload_identification.recording.recording import Recording
 from armload_identification.signals.filters import low_pass, low_pass_cutoff
@@ -32,7 +31,7 @@ from armload_identification.signals.spline import MeasuredMotion
 
 @dataclass(frozen=True, eq=False)
 class LoadSignal:
-    """Torque difference of two runs along the loaded run's motion, K samples of n joints.
+    """Torque difference of two runs at the samples of the loaded run's motion, K samples of n joints.
 
     Attributes:
         loaded: The run with the payload.
@@ -45,26 +44,6 @@ class LoadSignal:
     unloaded: Motion
     mismatch_rad: FloatArray
     shift_s: float
-
-    @property
-    def time_s(self) -> FloatArray:
-        """(K,) time since the start of the period, or of the motion; equidistant."""
-        return self.loaded.time_s
-
-    @property
-    def interval_s(self) -> float:
-        """Time between samples."""
-        return self.loaded.interval_s
-
-    @property
-    def periodic(self) -> bool:
-        """Whether the last sample is followed by the first."""
-        return self.loaded.periodic
-
-    @property
-    def states(self) -> JointStates:
-        """(K, n) each: motion of the loaded run."""
-        return self.loaded.states
 
     @cached_property
     def raw_nm(self) -> FloatArray:
@@ -136,15 +115,15 @@ class LoadSignal:
         Without this correction the mass of 2 kg on a simulated arm of seven joints is 0.08 % off, more than the noise
         of a minute. Friction that changes sign at a reversal is not corrected, as samples there have little weight.
         """
-        here, there = (body.link_torque(chain, *states) for states in (self.states, self.unloaded.states))
-        velocity = self.states.velocity_rad_s
+        own, other = self.loaded, self.unloaded
+        here, there = (body.link_torque(chain, *run.states) for run in (own, other))
+        velocity = own.states.velocity_rad_s
         direction = smooth_sign(velocity, body.reversal_speed_rad_s)
-        apart = self.states.acceleration_rad_s2 - self.unloaded.states.acceleration_rad_s2
+        apart = own.states.acceleration_rad_s2 - other.states.acceleration_rad_s2
         sag_nm = (1.0 + body.load_friction * direction * np.sign(here)) * (here - there) + apart @ body.rotor_mass_kg_m2
-        if not self.periodic:
-            sag_nm = low_pass(sag_nm, self.interval_s, low_pass_cutoff(velocity, self.interval_s))
-        own = self.unloaded
-        moved = replace(own, states=self.states, raw_nm=own.raw_nm + sag_nm, torque_nm=own.torque_nm + sag_nm)
+        if not own.periodic:
+            sag_nm = low_pass(sag_nm, own.interval_s, low_pass_cutoff(velocity, own.interval_s))
+        moved = replace(other, states=own.states, raw_nm=other.raw_nm + sag_nm, torque_nm=other.torque_nm + sag_nm)
         return replace(self, unloaded=moved)
 
 

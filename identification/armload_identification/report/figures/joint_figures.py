@@ -24,6 +24,7 @@ from armload_identification.report.figures.figure_style import (
 )
 from armload_identification.report.figures.svg import inline_svg
 from armload_identification.signals.load_signal import LoadSignal
+from armload_identification.signals.motion import Motion
 
 RAW: Final = "#b9c4cc"
 SMOOTHED, PREDICTED, RESIDUAL = BLUE, VERMILION, GREEN
@@ -36,11 +37,11 @@ _LEFT_IN: Final = 0.52
 _RIGHT_IN: Final = 0.06
 
 
-def motion_figure(signal: LoadSignal, joint: int, name: str, title: str) -> str:
+def motion_figure(run: Motion, joint: int, name: str, title: str) -> str:
     """Position and velocity of a joint over the motion.
 
     Args:
-        signal: The motion.
+        run: The motion.
         joint: Joint, from 0.
         name: Id, unique on the page.
         title: Description of the figure.
@@ -51,13 +52,13 @@ def motion_figure(signal: LoadSignal, joint: int, name: str, title: str) -> str:
     with styled_figure(NARROW_IN, 1.95) as figure:
         upper, lower = _stacked(figure, (0.34, 0.60, 0.25, 0.60))
         for axes, values, label in (
-            (upper, signal.states.position_rad, "position, rad"),
-            (lower, signal.states.velocity_rad_s, "velocity, rad/s"),
+            (upper, run.states.position_rad, "position, rad"),
+            (lower, run.states.velocity_rad_s, "velocity, rad/s"),
         ):
-            axes.plot(*thin_out(signal.time_s, values[:, joint]), color=SMOOTHED)
+            axes.plot(*thin_out(run.time_s, values[:, joint]), color=SMOOTHED)
             axes.yaxis.set_major_locator(ticks(3))
             _name_axis(axes, label)
-        _time_axis(upper, lower, signal)
+        _time_axis(upper, lower, run)
         return inline_svg(figure, name, title)
 
 
@@ -75,7 +76,7 @@ def torque_figure(signal: LoadSignal, predicted_nm: FloatArray, joint: int, name
     Returns:
         An `svg` element.
     """
-    time_s, predicted = signal.time_s, predicted_nm[:, joint]
+    time_s, predicted = signal.loaded.time_s, predicted_nm[:, joint]
     raw, smoothed = (np.where(signal.valid, values[:, joint], np.nan) for values in (signal.raw_nm, signal.torque_nm))
     with styled_figure(WIDE_IN, 2.25) as figure:
         upper, lower = _stacked(figure, (0.34, 0.60, 0.25, 0.91))
@@ -90,7 +91,7 @@ def torque_figure(signal: LoadSignal, predicted_nm: FloatArray, joint: int, name
             lower.axhline(side * signal.averaged_noise_nm[joint], color=INK, linewidth=0.6, dashes=(2.0, 2.0))
         lower.yaxis.set_major_locator(ticks(4))
         _name_axis(lower, "measured minus predicted, N m")
-        _time_axis(upper, lower, signal)
+        _time_axis(upper, lower, signal.loaded)
         return inline_svg(figure, name, title)
 
 
@@ -141,11 +142,11 @@ def _name_axis(axes: Axes, label: str) -> None:
     axes.ticklabel_format(style="plain", useOffset=False)
 
 
-def _time_axis(upper: Axes, lower: Axes, signal: LoadSignal) -> None:
+def _time_axis(upper: Axes, lower: Axes, run: Motion) -> None:
     """One time axis for both."""
-    end_s = signal.time_s[-1] + (signal.interval_s if signal.periodic else 0.0)
+    end_s = run.time_s[-1] + (run.interval_s if run.periodic else 0.0)
     for axes in (upper, lower):
         axes.set_xlim(0.0, end_s)
         axes.xaxis.set_major_locator(ticks(10 if upper.get_position().width > 0.9 else 5))
     upper.tick_params(labelbottom=False, bottom=False)
-    lower.set_xlabel("time in the period, s" if signal.periodic else "time, s", labelpad=2.0)
+    lower.set_xlabel("time in the period, s" if run.periodic else "time, s", labelpad=2.0)

@@ -50,7 +50,7 @@ class FittedPair:
     @cached_property
     def regressor(self) -> FloatArray:
         """(K, n, 10) columns of the payload."""
-        return payload_regressor(self.plain.arm.layout.chain, *self.signal.states)
+        return payload_regressor(self.plain.arm.layout.chain, *self.signal.loaded.states)
 
     @cached_property
     def friction_nm(self) -> FloatArray:
@@ -165,7 +165,7 @@ def _refuse_strange_scales(fit: FittedPair) -> None:
     if fit.slight or not fit.determined:
         return
     signal = fit.adjusted
-    payload_nm = payload_regressor(fit.plain.arm.layout.chain, *signal.states) @ fit.plain.theta
+    payload_nm = payload_regressor(fit.plain.arm.layout.chain, *signal.loaded.states) @ fit.plain.theta
     size_nm = np.sqrt(np.mean(payload_nm[signal.valid] ** 2, axis=0))
     scales = joint_scales(signal, payload_nm, fit.added_friction_nm)
     check_scales(scales, size_nm, fit.friction_nm, signal.loaded.moves)

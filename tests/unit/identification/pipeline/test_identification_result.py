@@ -15,7 +15,7 @@ LOAD_FRICTION = 0.1
 
 def torque_difference(arm, result):
     """(K, n) torque that the payload causes without friction, at the result's samples."""
-    states = result.signal.states
+    states = result.signal.loaded.states
     of = (states.position_rad, states.velocity_rad_s, states.acceleration_rad_s2)
     return arm.torque(*of, arm.payload) - arm.torque(*of)
 
@@ -51,7 +51,7 @@ def test_friction_grows_with_the_load_of_a_gear(pinocchio_arm):
     trajectory = pinocchio_arm.trajectory()
     runs = [pinocchio_arm.run(trajectory, load, seed=21 + load, load_friction=LOAD_FRICTION) for load in (True, False)]
     found = identify_runs(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
-    states = found.signal.states
+    states = found.signal.loaded.states
     of = (states.position_rad, states.velocity_rad_s, states.acceleration_rad_s2)
     whole = pinocchio_arm.torque(*of, pinocchio_arm.payload, LOAD_FRICTION) - pinocchio_arm.torque(
         *of, None, LOAD_FRICTION

@@ -41,8 +41,6 @@ def signal(interruptions=(0, 0), rate=1.0, moves=ALL, **changes):
         "periodic": True,
         "periods": (3, 3),
         "noise_source": "the scatter of periods",
-        "time_s": 0.1 * np.arange(SAMPLES),
-        "interval_s": 0.1,
         "states": moving(ALL),
         "mismatch_rad": np.full(JOINTS, 0.005),
     }
@@ -53,6 +51,9 @@ def signal(interruptions=(0, 0), rate=1.0, moves=ALL, **changes):
             interruptions=count,
             rate=rate,
             moves=moves,
+            periodic=found.periodic,
+            time_s=0.1 * np.arange(SAMPLES),
+            interval_s=0.1,
             states=found.states,
             reversal_weight=reversal_weights(found.states.position_rad, found.states.velocity_rad_s),
         )

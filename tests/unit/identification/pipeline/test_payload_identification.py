@@ -90,8 +90,8 @@ def test_a_run_cut_in_its_first_period_is_still_used(pinocchio_arm):
         phase_s=loaded.phase_s[:400],
     )
     result = identify_runs(loaded, unloaded, pinocchio_arm.chain, pinocchio_arm.transmission)
-    assert not result.signal.periodic
-    assert result.signal.time_s[-1] < 4.0
+    assert not result.signal.loaded.periodic
+    assert result.signal.loaded.time_s[-1] < 4.0
     assert result.parameters.mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.01)
 
 
@@ -129,7 +129,7 @@ def test_load_dependent_friction_is_found_and_taken_out(pinocchio_arm):
     # direction turns over more slowly at a reversal than this arm's friction.
     assert np.linalg.norm(result.parameters.center_of_mass_m - truth.center_of_mass_m) < 0.0006
     assert (np.abs(result.uncertainty.values - truth.values) < result.uncertainty.half_width_95)[:4].all()
-    states, runs = result.signal.states, (truth, None)
+    states, runs = result.signal.loaded.states, (truth, None)
     under_load = [
         pinocchio_arm.torque(*states, body, load_friction=0.085) - pinocchio_arm.torque(*states, body) for body in runs
     ]

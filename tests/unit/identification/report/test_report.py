@@ -519,7 +519,7 @@ def test_long_recordings_make_no_long_pages(clear):
     loaded, unloaded = (
         replace(
             motion,
-            time_s=np.arange(times * signal.time_s.size) * signal.interval_s,
+            time_s=np.arange(times * signal.loaded.time_s.size) * signal.loaded.interval_s,
             raw_nm=np.tile(motion.raw_nm, (times, 1)),
             torque_nm=np.tile(motion.torque_nm, (times, 1)),
             valid=np.tile(motion.valid, times),

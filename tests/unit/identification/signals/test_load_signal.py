@@ -41,7 +41,7 @@ def runs(pinocchio_arm):
 def test_runs_of_less_than_a_period_are_laid_over_each_other_by_their_phases(runs, first, second):
     """Both were stamped at the same phases, so each sample of one belongs to the sample of the other at its time."""
     signal = load_signal(*runs(first, second))
-    assert not signal.periodic
+    assert not signal.loaded.periodic
     assert signal.periods == (1, 1)
     assert signal.shift_s == pytest.approx(0.0, abs=1e-6)
     assert (signal.mismatch_rad < 1e-3).all()
@@ -77,7 +77,7 @@ def test_runs_that_share_too_little_of_their_excitation_are_refused(runs, first,
 
 def test_a_second_in_common_is_enough(runs):
     signal = load_signal(*runs(slice(0, 250), slice(145, 400)))
-    assert 0.5 < signal.time_s[-1] < 1.1
+    assert 0.5 < signal.loaded.time_s[-1] < 1.1
 
 
 def test_a_prediction_has_no_noise_and_no_periods(runs):
@@ -126,7 +126,7 @@ def test_the_torque_of_links_and_rotors_between_two_paths_is_added_to_the_unload
     found = pair.on_one_motion(None, body)
     np.testing.assert_allclose(found.unloaded.raw_nm, 2.0 + sag_nm)
     np.testing.assert_allclose(found.unloaded.torque_nm, 1.0 + sag_nm)
-    assert found.unloaded.states is pair.states
+    assert found.unloaded.states is pair.loaded.states
 
 
 def test_torque_that_is_late_belongs_to_an_earlier_motion_and_gains_turn_it():

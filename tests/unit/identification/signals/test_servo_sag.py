@@ -27,7 +27,7 @@ def sagging():
 
 def test_the_runs_are_as_far_apart_as_a_servo_lets_them(sagging):
     signal = load_signal(*(Run.of(run, nominal_transmission(exact=True)) for run in sagging))
-    apart = np.abs(signal.states.position_rad - signal.unloaded.states.position_rad).max(axis=0)
+    apart = np.abs(signal.loaded.states.position_rad - signal.unloaded.states.position_rad).max(axis=0)
     np.testing.assert_allclose(apart, SAG_RAD, rtol=0.1)
 
 
@@ -45,7 +45,7 @@ def test_a_stiff_servo_needs_next_to_none_of_it():
     moved = signal.on_one_motion(chain(), body)
     change = np.sqrt(np.mean((moved.torque_nm - signal.torque_nm) ** 2, axis=0))
     assert (change < 1e-3 * np.sqrt(np.mean(signal.torque_nm**2, axis=0)) + 5e-4).all()
-    np.testing.assert_array_equal(moved.unloaded.states.position_rad, signal.states.position_rad)
+    np.testing.assert_array_equal(moved.unloaded.states.position_rad, signal.loaded.states.position_rad)
 
 
 def linear_body(stiffness_nm_rad, rotor_kg_m2, load_friction):
@@ -77,7 +77,9 @@ def test_the_correction_is_that_of_links_their_friction_and_rotors(sagging, peri
     more = 1.0 + friction * np.sign(loaded.velocity_rad_s) * np.sign(here)
     expected = more * (here - there) + (loaded.acceleration_rad_s2 - unloaded.acceleration_rad_s2) @ rotors
     if not periodic:
-        expected = low_pass(expected, signal.interval_s, low_pass_cutoff(loaded.velocity_rad_s, signal.interval_s))
+        expected = low_pass(
+            expected, signal.loaded.interval_s, low_pass_cutoff(loaded.velocity_rad_s, signal.loaded.interval_s)
+        )
     np.testing.assert_allclose(found.raw_nm, torque[0] + expected, atol=1e-9)
     np.testing.assert_allclose(found.torque_nm, torque[1] + expected, atol=1e-9)
     assert found.states is loaded

@@ -296,8 +296,9 @@ def test_the_time_between_two_runs_is_found_from_positions(pinocchio_arm, late_s
 
 def test_the_difference_of_runs_is_the_payloads_torque(pair, pinocchio_arm):
     signal = load_signal(*(Run.of(run, pinocchio_arm.transmission) for run in pair))
-    payload = pinocchio_arm.torque(*signal.states, pinocchio_arm.payload) - pinocchio_arm.torque(*signal.states)
-    assert signal.periodic
+    states = signal.loaded.states
+    payload = pinocchio_arm.torque(*states, pinocchio_arm.payload) - pinocchio_arm.torque(*states)
+    assert signal.loaded.periodic
     assert signal.periods == (3, 3)
     assert signal.noise_source == SCATTER
     np.testing.assert_allclose(signal.noise_nm, np.sqrt(2.0) * pinocchio_arm.noise_nm, rtol=0.08)
@@ -333,8 +334,9 @@ def test_without_a_period_the_runs_are_laid_over_each_other(pinocchio_arm):
         current_a=loaded.current_a[keep],
     )
     signal = load_signal(Run.of(loaded, pinocchio_arm.transmission), Run.of(unloaded, pinocchio_arm.transmission))
-    payload = pinocchio_arm.torque(*signal.states, pinocchio_arm.payload) - pinocchio_arm.torque(*signal.states)
-    assert not signal.periodic
+    states = signal.loaded.states
+    payload = pinocchio_arm.torque(*states, pinocchio_arm.payload) - pinocchio_arm.torque(*states)
+    assert not signal.loaded.periodic
     assert signal.noise_source == ABOVE_BAND
     assert signal.shift_s == pytest.approx(-700.0, abs=1e-3)
     assert 0 < np.count_nonzero(~signal.valid) < 30
@@ -352,8 +354,8 @@ def test_both_runs_go_through_the_same_filter(pinocchio_arm, with_phase):
     if with_phase:
         filtered = smooth(signal.raw_nm)
     else:
-        cutoff_hz = low_pass_cutoff(signal.states.velocity_rad_s, signal.interval_s)
-        filtered = low_pass(signal.raw_nm, signal.interval_s, cutoff_hz)
+        cutoff_hz = low_pass_cutoff(signal.loaded.states.velocity_rad_s, signal.loaded.interval_s)
+        filtered = low_pass(signal.raw_nm, signal.loaded.interval_s, cutoff_hz)
     np.testing.assert_allclose(signal.torque_nm, filtered, atol=1e-9)
 
 

@@ -554,8 +554,11 @@ def test_joints_are_compared_if_a_loud_one_is_unexplained_by_a_tenth_of_its_powe
         valid=np.ones(100, dtype=bool),
         torque_nm=torque,
         averaged_noise_nm=np.array([noise_nm]),
-        loaded=SimpleNamespace(moves=np.array([True]), reversal_weight=np.ones((100, 1))),
-        states=SimpleNamespace(velocity_rad_s=np.ones((100, 1))),
+        loaded=SimpleNamespace(
+            moves=np.array([True]),
+            reversal_weight=np.ones((100, 1)),
+            states=SimpleNamespace(velocity_rad_s=np.ones((100, 1))),
+        ),
     )
     fit = SimpleNamespace(plain=plain, signal=signal, regressor=(1.0 - left) * torque[:, :, None], determined=True)
     fit.gains, fit.slight = object(), True
@@ -636,7 +639,7 @@ def test_a_gain_is_not_judged_from_8_percent_on_and_not_at_all_from_50(noticeabl
 
 
 def timed(rate=1.0, delay_s=0.0):
-    signal = SimpleNamespace(time_s=np.arange(400), interval_s=0.01, loaded=SimpleNamespace(rate=rate))
+    signal = SimpleNamespace(loaded=SimpleNamespace(time_s=np.arange(400), interval_s=0.01, rate=rate))
     posterior = SimpleNamespace(delay_s=delay_s)
     return " ".join(_on_times(SimpleNamespace(signal=signal, plain=SimpleNamespace(posterior=posterior))))
 
@@ -663,7 +666,7 @@ def test_of_one_period_the_repeatability_is_unknown(periods, said):
     signal = SimpleNamespace(
         smoothing_loss=np.zeros(2),
         valid=np.ones(4, dtype=bool),
-        periodic=any(periods),
+        loaded=SimpleNamespace(periodic=any(periods)),
         periods=periods,
         noise_source=ABOVE_BAND,
     )

@@ -31,11 +31,9 @@ def drawn(monkeypatch):
 def signal(*, periodic=True):
     """Two joints; the second has a raw torque of 1, 2, ... N m, of which the fourth is not valid."""
     ramp = np.column_stack([np.zeros(COUNT), 1.0 + np.arange(COUNT)])
+    states = SimpleNamespace(position_rad=0.1 * ramp, velocity_rad_s=-ramp)
     return SimpleNamespace(
-        time_s=TIME_S,
-        interval_s=1.0,
-        periodic=periodic,
-        states=SimpleNamespace(position_rad=0.1 * ramp, velocity_rad_s=-ramp),
+        loaded=SimpleNamespace(time_s=TIME_S, interval_s=1.0, periodic=periodic, states=states),
         raw_nm=ramp,
         torque_nm=ramp + 0.5,
         valid=np.arange(COUNT) != 3,
@@ -50,7 +48,7 @@ def places(figure):
 
 
 def test_position_is_above_velocity_on_one_time_axis(drawn):
-    figure = drawn(motion_figure, signal())
+    figure = drawn(motion_figure, signal().loaded)
     upper, lower = figure.axes
     np.testing.assert_allclose(figure.get_size_inches(), [3.4, 1.95])
     np.testing.assert_allclose(places(figure), [[0.52, 1.19, 2.82, 0.60], [0.52, 0.34, 2.82, 0.60]], atol=1e-9)
@@ -68,7 +66,7 @@ def test_position_is_above_velocity_on_one_time_axis(drawn):
 
 
 def test_a_motion_without_a_period_ends_with_its_last_sample(drawn):
-    figure = drawn(motion_figure, signal(periodic=False))
+    figure = drawn(motion_figure, signal(periodic=False).loaded)
     assert [axes.get_xlim() for axes in figure.axes] == [(0.0, 10.0)] * 2
     assert figure.axes[1].get_xlabel() == "time, s"
 
