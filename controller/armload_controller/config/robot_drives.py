@@ -116,8 +116,9 @@ class RobotDrives:
         if table is None:
             return Transmission(np.array(gains), self.coupling)
         own = [] if table.gain_deviation is None else [table.gain_deviation] * len(gains)
+        covariance = np.diag(np.array(own) ** 2)
         return Transmission(
-            np.array(gains), self.coupling, deviation=np.array(own), scale_deviation=table.scale_deviation
+            np.array(gains), self.coupling, covariance=covariance, scale_deviation=table.scale_deviation
         )
 
     def require_current_gains(self, recording: str) -> None:

@@ -40,7 +40,8 @@ def unloaded_doubts(robot: Robot, arm: ArmInUse, rows: SlowRoundRows) -> list[st
         chain = replace(arm.chain, gravity_m_s2=gravity_m_s2)
         return ArmDynamics(chain, body).link_torque(position, still, still)
 
-    deviation = np.hypot(arm.transmission.deviation, BODY_DEVIATION if arm.calibration is None else 0.0)
+    of_gains = np.sqrt(np.diag(arm.transmission.covariance))
+    deviation = np.hypot(of_gains, BODY_DEVIATION if arm.calibration is None else 0.0)
     explanations = [each.text for each in found.of_empty_arm(gravity, deviation).explanations()]
     if explanations and explanations[0]:
         or_load = ["something is on the flange"] if "" in explanations else []

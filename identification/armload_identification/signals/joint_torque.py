@@ -29,9 +29,8 @@ class Transmission:
         gain_nm_a: (n,) axis torque per ampere of motor current: torque constant times gear ratio.
         coupling: (n, n) C with q_joint = C q_axis; the identity if no motors are coupled.
         calibrated: (n,) True if a gain was calibrated with a known load, False if nominal; all False if not given.
-        deviation: (n,) relative standard deviation of each gain; if not given, that of the covariance, else 0 for
-            calibrated and `NominalGain.deviation` for nominal gains.
-        covariance: (n, n) of the logarithms of the gains; diagonal if not given.
+        covariance: (n, n) of the logarithms of the gains; if not given, diagonal: 0 for calibrated gains, the square of
+            `NominalGain.deviation` for nominal ones.
         torque_gain: (n,) axis torque per N m reported by a drive; 1 if not given.
         scale_deviation: Relative standard deviation of an error that all nominal gains have in common; if not given,
             `NominalGain.common_deviation` for currents and `ReportedTorque.common_deviation` for reported torque.
@@ -43,7 +42,6 @@ class Transmission:
     gain_nm_a: FloatArray
     coupling: FloatArray
     calibrated: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
-    deviation: FloatArray = field(default_factory=lambda: np.zeros(0))
     covariance: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     torque_gain: FloatArray = field(default_factory=lambda: np.zeros(0))
     scale_deviation: float | None = None
@@ -58,18 +56,12 @@ class Transmission:
         torque_gain = self.torque_gain if np.size(self.torque_gain) else np.ones(n)
         calibrated = self.calibrated if np.size(self.calibrated) else np.zeros(n)
         calibrated = finite_array("calibrated", calibrated, (n,)).astype(bool)
-        deviation, covariance = self.deviation, self.covariance
-        if np.size(covariance):
-            deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-        elif not np.size(deviation):
-            deviation = np.where(calibrated, 0.0, NominalGain.deviation)
-        deviation = finite_array("deviation of the gains", deviation, (n,), least=0.0)
-        covariance = covariance if np.size(covariance) else np.diag(deviation**2)
+        nominal = np.diag(np.where(calibrated, 0.0, NominalGain.deviation) ** 2)
+        covariance = self.covariance if np.size(self.covariance) else nominal
         arrays: dict[str, NDArray[Any]] = {
             "gain_nm_a": gain,
             "coupling": coupling,
             "calibrated": calibrated,
-            "deviation": deviation,
             "covariance": finite_array("covariance of the gains", covariance, (n, n)),
             "torque_gain": finite_array("torque_gain", torque_gain, (n,), above=0.0),
             "_from_current": gain[:, None] * np.linalg.inv(coupling),

@@ -62,9 +62,7 @@ def fold(recording: Recording, torque_nm: FloatArray, phases: int, scatter_nm: F
     motion, misfit = _fit_motion(mean[:, n:], valid, trajectory, advance.rate)
     raw = _filled(mean[:, :n], valid)
     smoothed = smooth(raw)
-    periods, interruptions = advance.periods if advance.interruptions else held, advance.interruptions
-    if average is not None:
-        periods, interruptions = average.periods, average.interruptions
+    counted = average or advance
     scatter = _scatter(table[:, :, :n], mean[:, :n], count) if scatter_nm is None else scatter_nm
     noise = white_noise(torque_nm) if scatter is None else scatter
     return Motion(
@@ -75,14 +73,14 @@ def fold(recording: Recording, torque_nm: FloatArray, phases: int, scatter_nm: F
         torque_nm=smoothed,
         valid=valid,
         noise_nm=noise,
-        averaged_noise_nm=noise / np.sqrt(periods),
+        averaged_noise_nm=noise / np.sqrt(counted.periods),
         noise_source=ABOVE_BAND if scatter is None else SCATTER,
         smoothing_loss=smoothing_loss(raw, smoothed),
-        periods=periods,
+        periods=counted.periods,
         position_fit_rad=misfit,
         began_s=float(recording.time_s[rows][0]),
         rate=advance.rate,
-        interruptions=interruptions,
+        interruptions=counted.interruptions,
     )
 
 

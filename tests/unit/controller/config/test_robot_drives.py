@@ -40,7 +40,7 @@ def test_recordings_of_currents_are_refused_where_a_drive_reports_torque():
 def test_the_deviation_of_the_gains_is_the_files(edited):
     stated = "[transmission]\ngain_deviation = 0.07\nscale_deviation = 0.02"
     transmission = load_robot(edited("[transmission]", stated)).drives.transmission
-    np.testing.assert_array_equal(transmission.deviation, np.full(6, 0.07))
+    np.testing.assert_array_equal(transmission.covariance, np.diag(np.full(6, 0.07) ** 2))
     assert transmission.scale_deviation == 0.02
 
 

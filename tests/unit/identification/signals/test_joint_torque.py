@@ -23,13 +23,11 @@ OWN = np.array([[0.04, 0.01], [0.01, 0.09]])
 
 def test_what_is_not_given_is_nominal():
     np.testing.assert_array_equal(PLAIN.calibrated, [False, False])
-    np.testing.assert_array_equal(PLAIN.deviation, np.full(2, NominalGain.deviation))
     np.testing.assert_array_equal(PLAIN.covariance, np.diag(np.full(2, NominalGain.deviation) ** 2))
     np.testing.assert_array_equal(PLAIN.torque_gain, [1.0, 1.0])
     known = Transmission(GAIN, COUPLING, np.array([True, False]))
-    np.testing.assert_array_equal(known.deviation, [0.0, NominalGain.deviation])
-    np.testing.assert_allclose(Transmission(GAIN, COUPLING, covariance=OWN).deviation, [0.2, 0.3])
-    np.testing.assert_allclose(Transmission(GAIN, COUPLING, deviation=[0.2, 0.0]).covariance, [[0.04, 0.0], [0.0, 0.0]])
+    np.testing.assert_array_equal(known.covariance, np.diag([0.0, NominalGain.deviation**2]))
+    np.testing.assert_array_equal(Transmission(GAIN, COUPLING, covariance=OWN).covariance, OWN)
 
 
 def test_nothing_of_it_can_be_changed():
@@ -47,15 +45,8 @@ def test_nothing_of_it_can_be_changed():
         ({"coupling": [[1.0, 2.0], [2.0, 4.0]]}, "cannot be inverted; expected q = C q_axis"),
         ({"coupling": [[1.0, np.nan], [2.0, 4.0]]}, "coupling contains a number that is not finite"),
         ({"calibrated": [True]}, r"calibrated has shape \(1,\); expected \(2,\)"),
-        ({"deviation": [0.1]}, r"deviation of the gains has shape \(1,\); expected \(2,\)"),
-        (
-            {"deviation": [0.1, -0.1]},
-            r"deviation of the gains is \[0.1, -0.1\]; expected numbers of at least 0",
-        ),
-        (
-            {"deviation": [0.1, np.nan]},
-            r"deviation of the gains contains a number that is not finite: \[0.1, nan\]",
-        ),
+        ({"covariance": [[0.1]]}, r"covariance of the gains has shape \(1, 1\); expected \(2, 2\)"),
+        ({"covariance": [[0.1, np.nan], [0.0, 0.1]]}, "covariance of the gains contains a number that is not finite"),
         ({"torque_gain": [1.0]}, r"torque_gain has shape \(1,\); expected \(2,\)"),
         ({"torque_gain": [1.0, 0.0]}, r"torque_gain is \[1.0, 0.0\]; expected numbers above 0"),
         ({"torque_gain": [1.0, np.inf]}, r"torque_gain contains a number that is not finite: \[1.0, inf\]"),

@@ -291,7 +291,7 @@ def test_near_a_reversal_is_a_tenth_of_the_greatest_speed_and_its_direction_turn
 
 def test_nominal_gains_are_known_to_2_percent_and_all_together_to_0_8_or_as_reported_to_2():
     transmission = Transmission(np.ones(2), np.eye(2))
-    np.testing.assert_allclose(transmission.deviation, 0.02)
+    np.testing.assert_allclose(np.sqrt(np.diag(transmission.covariance)), 0.02)
     assert transmission.gains(from_torque=False).common_deviation == 0.008
     assert transmission.gains(from_torque=True).common_deviation == 0.02
 
