@@ -109,10 +109,6 @@ _Member = tuple[tuple[Any, ...], Any, int, _Column, bool]
 meaning; and whether the whole name of the joint is there."""
 
 
-class _OpenQuestion(Exception):
-    """What the names leave open."""
-
-
 def columns_by_name(path: Path, names: Sequence[str], joint_names: Sequence[str] = ()) -> CsvColumns:
     """Find time, positions, and velocities, currents and torques of the same joints.
 
@@ -125,7 +121,7 @@ def columns_by_name(path: Path, names: Sequence[str], joint_names: Sequence[str]
         RecordingError: no time, no positions, an ambiguous choice, an unknown unit, or a quantity in two units; the
             message contains an option that answers the question.
     """
-    return _Header(names, JointNames(joint_names)).columns(path)
+    return _Header(path, names, JointNames(joint_names)).columns()
 
 
 def arrays_by_name(names: Collection[str]) -> dict[str, str]:
@@ -141,8 +137,8 @@ def arrays_by_name(names: Collection[str]) -> dict[str, str]:
 class _Header:
     """The names of a table's columns."""
 
-    def __init__(self, names: Sequence[str], arm: JointNames) -> None:
-        self._names, self._arm = list(names), arm
+    def __init__(self, path: Path, names: Sequence[str], arm: JointNames) -> None:
+        self._path, self._names, self._arm = path, list(names), arm
         texts = [plain_text(name).strip().lstrip("%").replace("%", " percent ") for name in names]
         brackets = [found[-1].strip() if (found := _IN_BRACKETS.findall(text)) else "" for text in texts]
         self._parts = [_name(text, unit, brackets) for text, unit in zip(texts, brackets, strict=True)]
@@ -152,19 +148,8 @@ class _Header:
         self._of_arm = self._by_joint() if arm.names else []
         self._of_others = self._by_number() or self._by_label()
 
-    def columns(self, path: Path) -> CsvColumns:
+    def columns(self) -> CsvColumns:
         """See `columns_by_name`."""
-        try:
-            return self._recognised()
-        except _OpenQuestion as question:
-            nameless = not any(one.quantity == "position_rad" for one in (*self._of_arm, *self._of_others))
-            raise (NamelessColumns if nameless else RecordingError)(
-                f"{path}: {question}. Specify columns and units, such as {self._suggestion()}, or a [log] table in the "
-                "robot's file."
-            ) from None
-
-    def _recognised(self) -> CsvColumns:
-        """The columns; `_OpenQuestion` if the names leave something open."""
         by_arm = any(series.quantity == "position_rad" for series in self._of_arm)
         every = self._of_arm if by_arm else self._of_others
         chosen: dict[str, _Series] = {}
@@ -174,9 +159,17 @@ class _Header:
                 chosen[quantity] = series
         if self._time is None or "position_rad" not in chosen:
             what = "no time column" if self._time is None else "no positions of two or more joints"
-            raise _OpenQuestion(f"{what} can be recognised in the header {', '.join(self._names)}")
+            raise self._open_question(f"{what} can be recognised in the header {', '.join(self._names)}")
         self._require_arm(chosen["position_rad"], by_arm=by_arm)
         return self._as_columns(chosen)
+
+    def _open_question(self, question: str) -> RecordingError:
+        """The error for what the names leave open."""
+        nameless = not any(one.quantity == "position_rad" for one in (*self._of_arm, *self._of_others))
+        return (NamelessColumns if nameless else RecordingError)(
+            f"{self._path}: {question}. Specify columns and units, such as {self._suggestion()}, or a [log] table in "
+            "the robot's file."
+        )
 
     def _choice(
         self, quantity: str, every: Sequence[_Series], chosen: Mapping[str, _Series], *, numbered: bool
@@ -194,7 +187,7 @@ class _Header:
             found = [one for one in found if joints == set(one.places) or (joints < set(one.places) and not numbered)]
             if others and not found and matters and numbered:
                 both = f"{self._shown(positions)} and {self._shown(others[0])}"
-                raise _OpenQuestion(f"{both} are not of the same joints")
+                raise self._open_question(f"{both} are not of the same joints")
         elif len(found) == 1 and not numbered:
             shared |= found[0].words  # a prefix of the joints' names
         plain = [one for one in found if one.words <= shared]
@@ -209,15 +202,15 @@ class _Header:
         places = first.twice or [next(iter(one.places.values())) for one in (plain or found)[:2]]
         if len(places) > 1:
             listed = " and ".join(self._names[place] for place in places)
-            raise _OpenQuestion(f"{listed} could both be the {quantity} of one joint")
+            raise self._open_question(f"{listed} could both be the {quantity} of one joint")
         if not plain:
-            raise _OpenQuestion(f"{self._shown(first)} may not be the {quantity} of the joints")
+            raise self._open_question(f"{self._shown(first)} may not be the {quantity} of the joints")
         if set(first.factors) == {None}:
-            raise _OpenQuestion(f"{self._shown(first)} have an unknown unit, known are {units_of(quantity)}")
+            raise self._open_question(f"{self._shown(first)} have an unknown unit, known are {units_of(quantity)}")
         other = next((k for k, factor in enumerate(first.factors) if factor != first.factors[0]), None)
         if other is not None:
             names = [self._names[place] for place in first.places.values()]
-            raise _OpenQuestion(
+            raise self._open_question(
                 f"{names[0]} and {names[other]} are the {quantity} of two joints in different units; SI units are "
                 "assumed where the name has none"
             )
@@ -256,7 +249,7 @@ class _Header:
         if by_arm and arm.numbered:
             for other in self._of_others:
                 if 0 in other.places and set(positions.places.values()) <= set(other.places.values()):
-                    raise _OpenQuestion(
+                    raise self._open_question(
                         f"{self._names[other.places[0]]} may be the first joint, or none of {', '.join(arm.names)}"
                     )
         if by_arm or not arm.names:
@@ -264,7 +257,7 @@ class _Header:
         start = joints[0] if isinstance(joints[0], int) else 0
         if joints != list(range(start, start + len(arm.names))):
             shown = ", ".join(self._names[place] for place in positions.places.values())
-            raise _OpenQuestion(f"{shown} may not be the arm's joints, {', '.join(arm.names)}")
+            raise self._open_question(f"{shown} may not be the arm's joints, {', '.join(arm.names)}")
 
     def _suggestion(self) -> str:
         """The option for the likeliest meaning, for the user to correct."""

@@ -11,7 +11,6 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armload_identification.files.payload_file import grouped_parameters
 from armload_identification.float_array import FloatArray
@@ -66,12 +65,13 @@ def payload_fields(payload: PayloadResult) -> dict[str, Any]:
 def validation_fields(validation: Validation, joint_names: Sequence[str]) -> dict[str, Any]:
     """A validation: comparison of the payload with the one identified from the second pair of runs, and by joint."""
     scales = validation.verdict.of_payload
+    scale, half_width = (np.where(scales.determined, each, np.nan) for each in (scales.scale, scales.half_width_95))
     columns = {
         "torque_in_band_nm": json_numbers(validation.torque_in_band_nm),
         "left_in_band_nm": json_numbers(validation.left_in_band_nm),
         "residual_rms_nm": json_numbers(validation.residual_rms_nm),
-        "measured_over_predicted": _known_numbers(scales.scale, scales.determined),
-        "measured_over_predicted_half_width_95": _known_numbers(scales.half_width_95, scales.determined),
+        "measured_over_predicted": json_numbers(scale),
+        "measured_over_predicted_half_width_95": json_numbers(half_width),
     }
     return {
         **agreement_fields(validation.verdict.agreement),
@@ -111,17 +111,12 @@ def json_number(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def _known_numbers(values: FloatArray, known: NDArray[np.bool_]) -> list[float | None]:
-    """Numbers of an array, None for unknown ones."""
-    return [json_number(value) if there else None for value, there in zip(values.tolist(), known.tolist(), strict=True)]
-
-
 def _identification_fields(identification: Identification) -> dict[str, Any]:
     plain = identification.plain_parameters
     return {
         "plain_mass_kg": plain.mass_kg,
         "plain_is_possible": not identification.changed,
-        "plain_margin": json_number(identification.plain_parameters.margin),
+        "plain_margin": json_number(plain.margin),
         "condition_number": json_number(identification.plain.condition_number),
         "scale_verified": identification.scale_verified,
         "notes": list(identification.notes),

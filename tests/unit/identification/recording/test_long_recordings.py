@@ -197,10 +197,10 @@ def test_means_over_10_ms_give_the_difference_of_two_long_runs(pinocchio_arm, tm
         for short_rows in (EVERYTHING, NOTHING)
     )
     assert reduced.noise_source == ABOVE_BAND
-    assert reduced.interval_s == pytest.approx(0.01, rel=1e-6)
+    assert reduced.loaded.interval_s == pytest.approx(0.01, rel=1e-6)
     np.testing.assert_allclose(reduced.noise_nm, whole.noise_nm / np.sqrt(rate), rtol=0.15)
     times = slice(100, -100)
-    torque = [np.interp(reduced.time_s[times], whole.time_s, column) for column in whole.torque_nm.T]
+    torque = [np.interp(reduced.loaded.time_s[times], whole.loaded.time_s, column) for column in whole.torque_nm.T]
     # A mean of `rate` samples is stamped at the middle of its interval, not at its first sample.
     apart = reduced.torque_nm[times] - np.column_stack(torque)
     allowed = 0.02 * np.sqrt(np.mean(whole.torque_nm**2, axis=0)) + 0.5 * reduced.averaged_noise_nm
