@@ -210,7 +210,10 @@ class ForceWatch:
     def _decide(self, base: RememberedState, now_s: float) -> Iterator[ForceEvent]:
         """Look at the event when it is time, and see whether a push is over."""
         if self.state is Force.PUSHED and self._evident_s - self._noticed_s > max(self._before_s, OUTLASTS_S):
-            yield self._begin_anew(now_s)
+            # What lasts longer than all before it is the rule: something acted before it, and what was learnt is wrong.
+            self._know_nothing(self._noise.coloured_nm2)
+            self._rows = self._rows.part(slice(0))  # they were linearised about the wrong payload
+            yield ForceEvent(ForceEventKind.PAYLOAD, now_s, self._noticed_s, self._joints)
             return
         if self._looks and now_s - self._noticed_s >= self._looks[0]:
             due_s = self._looks.pop(0)
@@ -237,12 +240,6 @@ class ForceWatch:
         elif self.state is Force.ACTING and (found.odds < -PUSH_SURE or last):
             self.state = Force.PUSHED
             yield ForceEvent(ForceEventKind.PUSH, now_s, found.push_s[0], self._joints, found)
-
-    def _begin_anew(self, now_s: float) -> ForceEvent:
-        """What lasts longer than all before it is the rule: something acted before it, and what was learnt is wrong."""
-        self._know_nothing(self._noise.coloured_nm2)
-        self._rows = self._rows.part(slice(0))  # they were linearised about the wrong payload
-        return ForceEvent(ForceEventKind.PAYLOAD, now_s, self._noticed_s, self._joints)
 
     def _resume(self, *, payload: bool, from_s: float) -> None:
         """Go on with the same payload or another one."""
