@@ -165,22 +165,14 @@ class Search:
         self._middle = 0.5 * (joints.position_max_rad + joints.position_min_rad)
         self._scale = np.column_stack([half, reach])
 
+    @threadpool_limits.wrap(1)
     def run(self, source: np.random.SeedSequence) -> Attempt:
         """One start.
 
         Args:
             source: Seed of its random numbers; the same seed gives the same attempt in any process.
         """
-        with threadpool_limits(1):
-            return self._optimised_start(np.random.default_rng(source))
-
-    def cost_of(self, criterion: Criterion, trajectory: FourierTrajectory, measured_s: float | None = None) -> float:
-        """A criterion of a trajectory for a measuring time, one period if not given, on the grid of the search."""
-        state = trajectory.period(self._basis.shape[1])
-        return criterion.cost(*state[:3], trajectory.period_s if measured_s is None else measured_s)
-
-    def _optimised_start(self, rng: np.random.Generator) -> Attempt:
-        x = self._best_random_motion(rng)
+        x = self._best_random_motion(np.random.default_rng(source))
         multipliers = np.zeros((self._basis.shape[1], self._envelope.rows))
         reserve = np.zeros(self._envelope.rows)
         penalty = _FIRST_PENALTY
@@ -204,6 +196,11 @@ class Search:
         state = trajectory.period(self._basis.shape[1])
         lasts_s = self._duration(np.stack(state[:2]), trajectory.period_s)[0]
         return Attempt(cost, equally_long * lasts_s, trajectory, np.array(history) * (cost / equally_long))
+
+    def cost_of(self, criterion: Criterion, trajectory: FourierTrajectory, measured_s: float | None = None) -> float:
+        """A criterion of a trajectory for a measuring time, one period if not given, on the grid of the search."""
+        state = trajectory.period(self._basis.shape[1])
+        return criterion.cost(*state[:3], trajectory.period_s if measured_s is None else measured_s)
 
     def _best_random_motion(self, rng: np.random.Generator) -> FloatArray:
         """The best of many random motions: informative, and not far outside the limits."""
