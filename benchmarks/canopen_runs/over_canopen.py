@@ -51,4 +51,5 @@ def _record(robot_name: str, load: SessionLoad, directory: str, seed: int) -> No
 
 def motion_seconds(robot: Robot) -> float:
     """Duration of the measured periods of both runs, s."""
-    return 2.0 * robot.excitations["identification"].duration_s
+    excitation = robot.excitations["identification"]
+    return 2.0 * excitation.periods * excitation.trajectory.period_s

@@ -73,7 +73,7 @@ def _compare_with_canopen(tally: Tally, pool: Executor, robot: Robot, setup: Set
         furthest = max(furthest, off.max())
         print(
             f"  over CANopen: {one.parameters.mass_kg:.4f} kg +- {uncertainty.half_width_95[0]:.4f}, the seeds' "
-            f"expectation {expected[0]:.4f} kg; periods averaged: {one.signal.periods}"
+            f"expectation {expected[0]:.4f} kg; periods averaged: {one.signal.loaded.periods}"
         )
     tally.judge(
         f"{COMMISSIONINGS} commissionings over CANopen agree with the seeds' expectation within their intervals, "

@@ -48,7 +48,7 @@ def bound_of(setup: Setup) -> FloatArray:
     # Coupled motors correlate the noise of joints; this correlation of 2 % is not used.
     to_joint = np.linalg.inv(setup.scales.coupling).T
     noise = np.sqrt(2.0 * (to_joint**2 @ axis_noise**2))
-    return cramer_rao(_columns(setup, result), noise, result.signal.periods[0])[:10, :10]
+    return cramer_rao(_columns(setup, result), noise, result.signal.loaded.periods)[:10, :10]
 
 
 def _columns(setup: Setup, result: Identification) -> FloatArray:

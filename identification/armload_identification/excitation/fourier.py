@@ -206,8 +206,3 @@ class Excitation:
     def __post_init__(self) -> None:
         if self.periods < 1:
             raise ModelError(f"periods is {self.periods}; expected at least 1")
-
-    @property
-    def duration_s(self) -> float:
-        """Total duration of all periods."""
-        return self.periods * self.trajectory.period_s

@@ -252,8 +252,8 @@ def _on_signal(signal: LoadSignal, struck: NDArray[np.bool_]) -> Iterator[str]:
     gaps = np.count_nonzero(~signal.valid & ~struck)
     if gaps:
         yield f"{gaps} of {signal.valid.size} samples are in gaps and were not used."
-    few = signal.loaded.periodic and 0 < min(count for count in signal.periods if count) < PayloadFit.fewest_periods
-    if few and signal.noise_source == ABOVE_BAND:
+    few = any(0 < run.periods < PayloadFit.fewest_periods for run in (signal.loaded, signal.unloaded))
+    if few and signal.loaded.periodic and signal.noise_source == ABOVE_BAND:
         yield (
             "A run contains only one period, so its noise was taken from the signal above the motion's band, and the "
             "repeatability of the periods is unknown. Record three or more."

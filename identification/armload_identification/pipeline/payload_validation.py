@@ -18,7 +18,7 @@ from armload_identification.pipeline.payload_identification import identify_runs
 from armload_identification.recording.recording import Recording, RecordingSource
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal
-from armload_identification.verdict.agreement import KnownMassCenter, Outcome, compare_known, length_needed
+from armload_identification.verdict.agreement import KnownMassCenter, compare_known, length_needed
 from armload_identification.verdict.payload_verdict import PayloadVerdict, known_payload, remedy_for
 from armload_identification.verdict.recording_checks.joint_scales import joint_scales
 from armload_identification.verdict.tolerance import Tolerance
@@ -45,11 +45,6 @@ class Validation:
     residual_rms_nm: FloatArray
     torque_in_band_nm: FloatArray
     left_in_band_nm: FloatArray
-
-    @property
-    def outcome(self) -> Outcome:
-        """Right, wrong, cannot tell."""
-        return self.verdict.outcome
 
     @property
     def signal(self) -> LoadSignal:

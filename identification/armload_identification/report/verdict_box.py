@@ -41,7 +41,7 @@ def verdict_box(validation: Validation | None, names: Sequence[str]) -> VerdictB
             "Not validated",
             "No second pair of runs was given, so it is unknown how well this payload predicts another motion.",
         )
-    outcome = validation.outcome
+    outcome = validation.verdict.outcome
     return VerdictBox(
         _KINDS[outcome], title(validation.verdict), " ".join(sentences(validation.verdict, names)).replace("+-", "±")
     )

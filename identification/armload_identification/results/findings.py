@@ -46,7 +46,7 @@ class Findings(PrintedResult, ReportedPayload):
     @property
     def outcome(self) -> Outcome | None:
         """Result of the validation: right, wrong, or cannot tell; None without a validation."""
-        return None if self.validation is None else self.validation.outcome
+        return None if self.validation is None else self.validation.verdict.outcome
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -33,7 +33,7 @@ def findings_document(found: ReportedPayload) -> dict[str, Any]:
         "identification": None if identification is None else _identification_fields(identification),
         "validation": None if validation is None else validation_fields(validation, joint_names),
         "verdict": {
-            "outcome": None if validation is None else validation.outcome.value,
+            "outcome": None if validation is None else validation.verdict.outcome.value,
             "title": found.verdict.title,
             "text": found.verdict.text,
         },

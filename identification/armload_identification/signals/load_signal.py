@@ -80,11 +80,6 @@ class LoadSignal:
         """(n,) share of the RMS lost by smoothing, the greater of the two."""
         return np.maximum(self.loaded.smoothing_loss, self.unloaded.smoothing_loss)
 
-    @property
-    def periods(self) -> tuple[int, int]:
-        """Whole periods averaged in the loaded and the unloaded run; (1, 1) without a period, 0 for a prediction."""
-        return self.loaded.periods, self.unloaded.periods
-
     @cached_property
     def empty_arm(self) -> Motion:
         """The unloaded run, with the noise and validity of the difference."""

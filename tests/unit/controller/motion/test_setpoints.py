@@ -63,7 +63,7 @@ def approach():
 def test_segments_come_in_order_and_periods_are_whole(plan, excitation):
     order = [s for i, s in enumerate(plan.segment) if i == 0 or s is not plan.segment[i - 1]]
     assert order == [Segment.RAMP_UP, Segment.PERIODS, Segment.RAMP_DOWN]
-    assert plan.segment.count(Segment.PERIODS) == round(excitation.duration_s / CYCLE_S)
+    assert plan.segment.count(Segment.PERIODS) == round(excitation.periods * excitation.trajectory.period_s / CYCLE_S)
 
 
 def test_plan_respects_every_limit(plan):

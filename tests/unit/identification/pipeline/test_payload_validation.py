@@ -61,7 +61,7 @@ def measured(second_pair, pinocchio_arm):
 
 def test_the_right_payload_is_right(second_pair, pinocchio_arm, payload):
     result = validate_runs(second_pair, pinocchio_arm.chain, exact(pinocchio_arm.transmission), payload)
-    assert result.outcome is Outcome.RIGHT
+    assert result.verdict.outcome is Outcome.RIGHT
     agreement = result.verdict.agreement
     np.testing.assert_allclose(agreement.difference[0], result.measured.parameters.mass_kg - payload.model.mass_kg)
     assert agreement.noticeable_kg < 0.05 * payload.model.mass_kg
@@ -82,7 +82,7 @@ def test_the_right_payload_is_right(second_pair, pinocchio_arm, payload):
 )
 def test_a_wrong_payload_is_wrong(measured, pinocchio_arm, payload, factor, shift_m):
     result = judge(measured, pinocchio_arm.chain, known_payload(changed(payload, factor, shift_m)), Tolerance())
-    assert result.outcome is Outcome.WRONG
+    assert result.verdict.outcome is Outcome.WRONG
 
 
 def test_an_error_of_the_mass_is_named_with_its_size_and_the_joints_that_show_it(measured, pinocchio_arm, payload):
@@ -156,7 +156,7 @@ def test_a_weighed_mass_leaves_no_common_error_of_the_gains(second_pair, pinocch
         common /= NominalGain.common_deviation
         assert common > 0.9 if known is None else common < 0.6
         validation = validate_runs(second_pair, arm.chain, arm.transmission, payload_result(found, MADE))
-        assert validation.outcome is Outcome.RIGHT
+        assert validation.verdict.outcome is Outcome.RIGHT
         noticeable.append(validation.verdict.agreement.noticeable_kg)
     assert noticeable[1] < noticeable[0]
 
@@ -166,7 +166,7 @@ def test_cannot_tell_comes_with_what_would_show_it(measured, pinocchio_arm, payl
     known = payload.mass_center
     vague = replace(payload, mass_center=replace(known, measured=1000.0 * known.measured))
     result = judge(measured, pinocchio_arm.chain, known_payload(vague), Tolerance())
-    assert result.outcome is Outcome.CANNOT_TELL
+    assert result.verdict.outcome is Outcome.CANNOT_TELL
     text = " ".join(sentences(result.verdict, NAMES))
     assert "the smallest error that would be detected" in text
     assert "times the length would detect" in text
@@ -182,7 +182,8 @@ def test_a_payload_file_of_an_older_version_is_judged_by_its_intervals(measured,
     again = parse_payload(format_payload(old))
     assert again.mass_center is None
     assert (
-        judge(measured, pinocchio_arm.chain, known_payload(changed(again, 0.9)), Tolerance()).outcome is Outcome.WRONG
+        judge(measured, pinocchio_arm.chain, known_payload(changed(again, 0.9)), Tolerance()).verdict.outcome
+        is Outcome.WRONG
     )
 
 
@@ -240,4 +241,4 @@ def test_one_period_is_enough_for_a_verdict(pinocchio_arm, payload):
     pair = [pinocchio_arm.run(trajectory, load, seed=41 + load, periods=1) for load in (True, False)]
     result = validate_runs(pair, pinocchio_arm.chain, exact(pinocchio_arm.transmission), payload)
     np.testing.assert_allclose(result.signal.noise_nm, np.sqrt(2.0) * pinocchio_arm.noise_nm, rtol=0.15)
-    assert result.outcome is Outcome.RIGHT
+    assert result.verdict.outcome is Outcome.RIGHT

@@ -74,7 +74,7 @@ def test_what_a_fit_and_a_validation_say_is_said(findings, monkeypatch):
     fitted = Identification(*[None] * 13, notes=("one", "two"))
     box = SimpleNamespace(title="Wrong", text="It is too heavy.")
     monkeypatch.setattr("armload_identification.report.reported_payload.verdict_box", lambda validation, names: box)
-    found = findings(fitted=fitted, validation=SimpleNamespace(outcome=Outcome.WRONG))
+    found = findings(fitted=fitted, validation=SimpleNamespace(verdict=SimpleNamespace(outcome=Outcome.WRONG)))
     assert found.outcome is Outcome.WRONG
     assert found.table().sentences == ("Wrong. It is too heavy.", "note: one", "note: two")
 

@@ -42,7 +42,7 @@ def test_runs_of_less_than_a_period_are_laid_over_each_other_by_their_phases(run
     """Both were stamped at the same phases, so each sample of one belongs to the sample of the other at its time."""
     signal = load_signal(*runs(first, second))
     assert not signal.loaded.periodic
-    assert signal.periods == (1, 1)
+    assert (signal.loaded.periods, signal.unloaded.periods) == (1, 1)
     assert signal.shift_s == pytest.approx(0.0, abs=1e-6)
     assert (signal.mismatch_rad < 1e-3).all()
 
@@ -89,7 +89,7 @@ def test_a_prediction_has_no_noise_and_no_periods(runs):
     np.testing.assert_allclose(signal.noise_nm, motion.noise_nm)
     np.testing.assert_allclose(signal.averaged_noise_nm, motion.averaged_noise_nm)
     np.testing.assert_allclose(signal.smoothing_loss, motion.smoothing_loss)
-    assert signal.periods == (1, 0)
+    assert (signal.loaded.periods, signal.unloaded.periods) == (1, 0)
     assert signal.shift_s == 0.0
     assert not signal.mismatch_rad.any()
 
@@ -103,7 +103,7 @@ def test_a_signal_is_the_difference_of_two_runs_with_the_noise_of_both():
     assert (signal.raw_nm[0, 0], signal.torque_nm[0, 0]) == (5.0, 2.5)
     assert (signal.noise_nm[0], signal.averaged_noise_nm[0], signal.smoothing_loss[0]) == (5.0, 2.5, 0.4)
     assert signal.valid.tolist() == [True, False, False, True]
-    assert (signal.noise_source, signal.periods) == (SCATTER, (2, 2))
+    assert (signal.noise_source, signal.loaded.periods, signal.unloaded.periods) == (SCATTER, 2, 2)
     assert (signal.empty_arm.averaged_noise_nm[0], signal.empty_arm.raw_nm[0, 0]) == (2.5, 2.0)
     one = LoadSignal(motion(), motion(noise_source=ABOVE_BAND), np.zeros(1), 0.0)
     assert one.noise_source == ABOVE_BAND

@@ -299,7 +299,7 @@ def test_the_difference_of_runs_is_the_payloads_torque(pair, pinocchio_arm):
     states = signal.loaded.states
     payload = pinocchio_arm.torque(*states, pinocchio_arm.payload) - pinocchio_arm.torque(*states)
     assert signal.loaded.periodic
-    assert signal.periods == (3, 3)
+    assert (signal.loaded.periods, signal.unloaded.periods) == (3, 3)
     assert signal.noise_source == SCATTER
     np.testing.assert_allclose(signal.noise_nm, np.sqrt(2.0) * pinocchio_arm.noise_nm, rtol=0.08)
     np.testing.assert_allclose(signal.averaged_noise_nm, signal.noise_nm / np.sqrt(3.0), rtol=1e-9)
@@ -313,8 +313,8 @@ def test_the_difference_of_runs_is_the_payloads_torque(pair, pinocchio_arm):
 def test_a_residual_of_single_samples_holds_the_noise_that_averaging_removed(pair, pinocchio_arm):
     """Of P periods the average keeps 1 / P of the noise's variance; what a prediction misses is added to the rest."""
     signal = load_signal(*(Run.of(run, pinocchio_arm.transmission) for run in pair))
-    assert signal.periods[0] == signal.periods[1] > 1
-    removed = signal.noise_nm**2 * (1.0 - 1.0 / signal.periods[0])
+    assert signal.loaded.periods == signal.unloaded.periods > 1
+    removed = signal.noise_nm**2 * (1.0 - 1.0 / signal.loaded.periods)
     for missed_nm in (0.0, 0.2):
         found = signal.raw_residual_rms(signal.raw_nm + missed_nm)
         np.testing.assert_allclose(found, np.sqrt(missed_nm**2 + removed))
@@ -377,7 +377,7 @@ def test_where_one_run_has_one_period_its_noise_is_that_above_the_band(pinocchio
         for load, count in zip((True, False), periods, strict=True)
     ]
     signal = load_signal(*(Run.of(run, pinocchio_arm.transmission) for run in runs))
-    assert signal.periods == periods
+    assert (signal.loaded.periods, signal.unloaded.periods) == periods
     assert signal.noise_source == ABOVE_BAND
     np.testing.assert_allclose(signal.noise_nm, np.sqrt(2.0) * pinocchio_arm.noise_nm, rtol=0.2)
     kept = np.sqrt((1.0 / periods[0] + 1.0 / periods[1]) / 2.0)

@@ -666,8 +666,8 @@ def test_of_one_period_the_repeatability_is_unknown(periods, said):
     signal = SimpleNamespace(
         smoothing_loss=np.zeros(2),
         valid=np.ones(4, dtype=bool),
-        loaded=SimpleNamespace(periodic=any(periods)),
-        periods=periods,
+        loaded=SimpleNamespace(periodic=any(periods), periods=periods[0]),
+        unloaded=SimpleNamespace(periods=periods[1]),
         noise_source=ABOVE_BAND,
     )
     assert any(_on_signal(signal, np.zeros(4, dtype=bool))) is said
