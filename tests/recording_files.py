@@ -7,6 +7,7 @@ import json
 import numpy as np
 from mcap.writer import CompressionType, Writer
 
+from armload_identification.recording.csv_columns import QUANTITIES_BY_KEY, CsvColumns
 from armload_identification.recording.run_format import (
     MESSAGE_SCHEMA,
     SCHEMA_NAME,
@@ -52,6 +53,13 @@ def write_mcap(path, content, attachments=(), compression=CompressionType.NONE, 
             writer.add_message(other, 0, b'{"position_rad": [9, 9]}', 0)
         writer.finish()
     return path
+
+
+def table_columns(time, position, velocity=None, current=None, torque=None, nanoseconds=None, **more):
+    """Columns of a table, by quantity as far as given."""
+    times = [time] if nanoseconds is None else [time, nanoseconds]
+    groups = zip(QUANTITIES_BY_KEY.values(), (times, position, velocity, current, torque), strict=True)
+    return CsvColumns({quantity: list(group) for quantity, group in groups if group is not None}, **more)
 
 
 def write_csv(path, rows):

@@ -144,7 +144,7 @@ class _Header:
         self._parts = [_name(text, unit, brackets) for text, unit in zip(texts, brackets, strict=True)]
         meanings = ((place, _column(words, unit)) for place, (words, unit) in enumerate(self._parts))
         self._measured = [(place, column) for place, column in meanings if column is not None]
-        self._time, self._nanoseconds, self._time_factor = self._times()
+        self._time, self._time_factor = self._times()
         self._of_arm = self._by_joint() if arm.names else []
         self._of_others = self._by_number() or self._by_label()
 
@@ -157,8 +157,8 @@ class _Header:
             series = self._choice(quantity, every, chosen, numbered=not by_arm)
             if series is not None:
                 chosen[quantity] = series
-        if self._time is None or "position_rad" not in chosen:
-            what = "no time column" if self._time is None else "no positions of two or more joints"
+        if not self._time or "position_rad" not in chosen:
+            what = "no positions of two or more joints" if self._time else "no time column"
             raise self._open_question(f"{what} can be recognised in the header {', '.join(self._names)}")
         self._require_arm(chosen["position_rad"], by_arm=by_arm)
         return self._as_columns(chosen)
@@ -225,17 +225,15 @@ class _Header:
         """The columns of the joints that have positions, with the units that their names state."""
         joints = list(chosen["position_rad"].places)
         scale = {"time_s": self._time_factor} | {name: series.factors[0] or 1.0 for name, series in chosen.items()}
-        groups: dict[str, Any] = {
-            key: [self._called(chosen[quantity].places[joint]) for joint in joints if joint in chosen[quantity].places]
-            for key, quantity in QUANTITIES_BY_KEY.items()
+        places = {"time_s": self._time or [0]} | {
+            quantity: [chosen[quantity].places[joint] for joint in joints if joint in chosen[quantity].places]
+            for quantity in QUANTITIES_BY_KEY.values()
             if quantity in chosen
         }
         return CsvColumns(
-            self._called(self._time or 0),
-            **groups,
+            {quantity: [self._called(place) for place in group] for quantity, group in places.items()},
             scale={name: factor for name, factor in scale.items() if factor != 1.0},
             joint_names=tuple(joint for joint in joints if isinstance(joint, str)),
-            nanoseconds=None if self._nanoseconds is None else self._called(self._nanoseconds),
         )
 
     def _called(self, place: int) -> int | str:
@@ -271,14 +269,14 @@ class _Header:
                 break
         n = len(self._arm.names) or (len(self._names) - 1) // 2
         if not likely:
-            places = [place for place in range(len(self._names)) if place != (self._time or 0)]
+            places = [place for place in range(len(self._names)) if place != (self._time or [0])[0]]
             for quantity, start in (("position_rad", 0), ("torque_nm", n)):
                 group: dict[int | str, int] = dict(enumerate(places[start : start + n]))
                 likely[quantity] = _Series(quantity, frozenset(), group, (), (1.0,), (True, True))
         return self._as_columns(likely).option(self._names)
 
-    def _times(self) -> tuple[int | None, int | None, float]:
-        """Places of the time and of nanoseconds to add to it, and the factor of the time."""
+    def _times(self) -> tuple[list[int], float]:
+        """Places of the time, if there is one, and of nanoseconds to add to it, and the factor of the time."""
         first = tuple(word for words, _ in self._parts[:2] for word in words)
         default = next((factor for start, factor in _STATED_ELSEWHERE.items() if first[: len(start)] == start), 1.0)
         found: list[tuple[int, int, int, tuple[str, ...], float]] = []
@@ -292,10 +290,10 @@ class _Header:
                 around = tuple(word for word in words if word not in rest)
                 found.append((min(kinds), len(around), place, around, factor))
         if not found:
-            return None, None, 1.0
+            return [], 1.0
         *_, place, around, factor = min(found)
         pair = [other[2] for other in found if other[3:] == (around, 1e-9)] if factor == 1.0 else []
-        return place, pair[0] if pair else None, factor
+        return [place, *pair[:1]], factor
 
     def _by_joint(self) -> list[_Series]:
         """The series in which every joint of the arm is named."""

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.column_units import unit_factor, unit_name, units_of
@@ -19,7 +19,7 @@ QUANTITIES_BY_KEY: Final = {
     "current": "current_a",
     "torque": "torque_nm",
 }
-"""Quantity by its key in `--columns`."""
+"""Quantity by its key in `--columns`: motor currents, joint torques."""
 _EXAMPLE: Final = '"time[ms]=0 position[deg]=1-6 torque=7-12" or "time=t position=q1-6 torque=tau1-6"'
 _PART: Final = re.compile(r"[^\s=\[]+(?:\[[^\]]*\])?(?:=\S*)?|\S+")
 _KEY: Final = re.compile(r"([a-z]+)(?:\[([^\]]*)\])?")
@@ -29,38 +29,23 @@ _MOST_COLUMNS: Final = 1000
 
 @dataclass(frozen=True)
 class CsvColumns:
-    """The columns of a table (CSV, Parquet, data frame) by quantity: numbers from zero, or names of a header line.
+    """The columns of a table (CSV, Parquet, data frame): numbers from zero, or names of a header line.
 
     Attributes:
-        time: Column of the time stamp in s.
-        position: One column per joint, rad; or one that contains a list of all joints.
-        velocity: One per joint, rad/s; None if the log has none.
-        current: One per joint, MOTOR current in A; None if the log has torque.
-        torque: One per joint, JOINT torque in N m; None if the log has current.
-        scale: Factor on the numbers of a quantity, by its name in `groups`; 1 if not given.
+        groups: Columns by quantity, in the order of `QUANTITIES_BY_KEY`: of the time in s one, and perhaps one of
+            nanoseconds to add to it; of the others one per joint, or one that contains a list of all joints.
+        scale: Factor on the numbers of a quantity; 1 if not given.
         joint_names: Names of the joints, if the columns show them.
-        nanoseconds: Column of nanoseconds to add to the time; None without one.
     """
 
-    time: int | str
-    position: Sequence[int | str]
-    velocity: Sequence[int | str] | None = None
-    current: Sequence[int | str] | None = None
-    torque: Sequence[int | str] | None = None
+    groups: Mapping[str, Sequence[int | str]]
     scale: Mapping[str, float] = field(default_factory=dict)
     joint_names: tuple[str, ...] = ()
-    nanoseconds: int | str | None = None
 
     @property
     def by_name(self) -> bool:
         """Whether any column is given by the name that it has in the header."""
-        return any(isinstance(column, str) for columns in self.groups().values() for column in columns)
-
-    def groups(self) -> dict[str, list[int | str]]:
-        """The existing columns by the name of the quantity."""
-        groups = {quantity: getattr(self, key) for key, quantity in QUANTITIES_BY_KEY.items()}
-        groups["time_s"] = [self.time] if self.nanoseconds is None else [self.time, self.nanoseconds]
-        return {name: list(columns) for name, columns in groups.items() if columns is not None}
+        return any(isinstance(column, str) for columns in self.groups.values() for column in columns)
 
     def places(self, path: Path, names: Sequence[str], width: int | None = None) -> dict[str, list[int]]:
         """Numbers of the columns by the name of the quantity.
@@ -74,7 +59,7 @@ class CsvColumns:
             RecordingError: a column that the table does not have.
         """
         found: dict[str, list[int]] = {}
-        for quantity, columns in self.groups().items():
+        for quantity, columns in self.groups.items():
             found[quantity] = []
             for column in columns:
                 place = column if isinstance(column, int) else names.index(column) if column in names else -1
@@ -106,7 +91,7 @@ class CsvColumns:
         """
         parts = []
         for key, quantity in QUANTITIES_BY_KEY.items():
-            columns = self.groups().get(quantity, [])
+            columns = self.groups.get(quantity, [])
             factor = self.scale.get(quantity, 1.0)
             unit = f"[{unit_name(quantity, factor)}]" if factor != 1.0 else ""
             places = [column if isinstance(column, int) else names.index(column) for column in columns]
@@ -126,7 +111,7 @@ def parse_columns(text: str) -> CsvColumns:
     Raises:
         RecordingError: naming the part that is invalid.
     """
-    found: dict[str, Any] = {}
+    found: dict[str, list[int | str]] = {}
     scale: dict[str, float] = {}
     for part in _PART.findall(text):
         left, equals, value = part.partition("=")
@@ -151,8 +136,7 @@ def parse_columns(text: str) -> CsvColumns:
     if len(set(lengths.values())) > 1:
         listed = ", ".join(f"{count} of {key}" for key, count in lengths.items())
         raise RecordingError(f"columns: there are {listed}; expected as many of each as joints.")
-    time, *nanoseconds = found.pop("time")
-    return CsvColumns(time, **found, scale=scale, nanoseconds=nanoseconds[0] if nanoseconds else None)
+    return CsvColumns({quantity: found[key] for key, quantity in QUANTITIES_BY_KEY.items() if key in found}, scale)
 
 
 def _expanded(item: str) -> list[int | str]:

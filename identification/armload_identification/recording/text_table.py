@@ -90,7 +90,8 @@ def echoed_columns(lines: Sequence[str]) -> CsvColumns | None:
     if n < 2 or len(set(names)) < n or numbers != 3 * n or not all(map(is_number, fields[:2])):
         return None
     position, velocity, effort = (list(range(start, start + n)) for start in range(_ECHO_FIELDS + n, len(fields), n))
-    return CsvColumns(0, position, velocity, None, effort, joint_names=tuple(names), nanoseconds=1)
+    groups = {"time_s": [0, 1], "position_rad": position, "velocity_rad_s": velocity, "torque_nm": effort}
+    return CsvColumns(groups, joint_names=tuple(names))
 
 
 def seconds_of_stamp(text: str) -> float:

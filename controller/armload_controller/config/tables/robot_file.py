@@ -75,11 +75,11 @@ class LogTable(Table):
 
     def csv_columns(self) -> CsvColumns:
         """For the reader of recordings."""
-        from armload_identification.recording.csv_columns import CsvColumns
+        from armload_identification.recording.csv_columns import QUANTITIES_BY_KEY, CsvColumns
 
-        return CsvColumns(
-            self.time_column, self.position_columns, self.velocity_columns, self.current_columns, self.torque_columns
-        )
+        columns = self.position_columns, self.velocity_columns, self.current_columns, self.torque_columns
+        groups = zip(QUANTITIES_BY_KEY.values(), ([self.time_column], *columns), strict=True)
+        return CsvColumns({quantity: group for quantity, group in groups if group is not None})
 
 
 class RobotFile(Table):

@@ -107,10 +107,9 @@ class ParquetReader(RecordingReader):
         time, position = arrays_by_name(names).get("time_s"), lists.get("position_rad")
         if position is None or time is None:
             return columns_by_name(self._path, names, self._options.joint_names)
-        others: dict[str, Any] = {
-            key: [lists[name]] for key, name in QUANTITIES_BY_KEY.items() if name in lists and key != "time"
-        }
-        columns = CsvColumns(time, **others, joint_names=_joints_of(info, position))
+        named = lists | {"time_s": time}
+        groups = {name: [named[name]] for name in QUANTITIES_BY_KEY.values() if name in named}
+        columns = CsvColumns(groups, joint_names=_joints_of(info, position))
         limits = self._options.position_limits_rad
         return columns if limits is None or not info else self._in_stated_unit(columns, position, limits)
 
@@ -132,7 +131,7 @@ class ParquetReader(RecordingReader):
 
         if within(1.0) or not within(DEGREE_RAD):
             return columns
-        in_degrees = columns.in_units({key: DEGREE_RAD for key in columns.groups() if key in _ANGLES})
+        in_degrees = columns.in_units({key: DEGREE_RAD for key in columns.groups if key in _ANGLES})
         if np.count_nonzero((low == -_NORMALISED) | (high == _NORMALISED)) > 1:
             raise RecordingError(
                 f"{self._path}: {position} ends at exactly -{_NORMALISED:g} or {_NORMALISED:g}, so it may be in "

@@ -55,5 +55,5 @@ def test_one_episode_is_for_all_and_several_are_one_for_each():
 def test_columns_effort_and_times_are_the_same_for_all():
     options = RecordingOptions("time=0 position=1-2 torque=3-4", Effort.CURRENT, (1.0, 2.0))
     for choice in options.choices(2):
-        assert list(choice.columns.position) == [1, 2]
+        assert choice.columns.groups["position_rad"] == [1, 2]
         assert (choice.effort, choice.between_s) == (Effort.CURRENT, (1.0, 2.0))

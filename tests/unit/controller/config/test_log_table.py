@@ -18,7 +18,7 @@ NAMES = '["q1", "q2", "q3", "q4", "q5", "q6"]'
 def test_columns_have_numbers_or_names_and_torque_is_one_of_them(edited):
     new = f'time_column = "t"\nposition_columns = {NAMES}\ntorque_columns = [7, 8, 9, 10, 11, 12]\n'
     columns = load_robot(str(edited(OLD, new, robot="ur10e"))).csv_columns
-    assert columns.groups() == {
+    assert columns.groups == {
         "time_s": ["t"],
         "position_rad": ["q1", "q2", "q3", "q4", "q5", "q6"],
         "torque_nm": [7, 8, 9, 10, 11, 12],

@@ -16,7 +16,6 @@ from mcap.writer import Writer
 from armload_identification.excitation.excitation_file import format_excitation
 from armload_identification.identification_errors import RecordingError
 from armload_identification.pipeline.recording_survey import survey
-from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.file_reading import read_recording_file
 from armload_identification.recording.garbage_rows import FIRST_WINDOW, GarbageFilter
 from armload_identification.recording.reading_options import ReadingOptions
@@ -30,10 +29,11 @@ from armload_identification.signals.load_signal import load_signal
 from armload_identification.signals.motion import ABOVE_BAND, SCATTER
 from armload_identification.signals.recorded_run import Run
 from armload_identification.verdict.recording_checks.usable_runs import usable_runs
+from tests.recording_files import table_columns
 
 pytestmark = pytest.mark.pure
 
-COLUMNS = ReadingOptions(CsvColumns(0, tuple(range(1, 7)), None, tuple(range(7, 13))))
+COLUMNS = ReadingOptions(table_columns(0, tuple(range(1, 7)), None, tuple(range(7, 13))))
 
 
 def test_a_file_of_more_rows_than_any_recording_is_refused(tmp_path, monkeypatch):

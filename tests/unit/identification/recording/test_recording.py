@@ -10,7 +10,6 @@ import pytest
 from armload_identification.excitation.excitation_file import format_excitation
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.identification_errors import RecordingError
-from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.file_reading import read_recording_file
 from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.recording.recording import Recording, check_joints, hashes_by_name
@@ -18,11 +17,11 @@ from armload_identification.recording.run_format import (
     EXCITATION_ATTACHMENT,
     RUN_ATTACHMENT,
 )
-from tests.recording_files import csv_rows, messages, write_csv, write_mcap
+from tests.recording_files import csv_rows, messages, table_columns, write_csv, write_mcap
 
 pytestmark = pytest.mark.pure
 
-COLUMNS = ReadingOptions(CsvColumns(time=0, position=[1, 2], velocity=[3, 4], current=[5, 6]))
+COLUMNS = ReadingOptions(table_columns(time=0, position=[1, 2], velocity=[3, 4], current=[5, 6]))
 
 
 def test_files_that_are_no_recording(tmp_path):

@@ -88,11 +88,12 @@ def echoed(n=2, values=3, names=None):
 def test_joint_states_as_they_are_printed():
     columns = echoed_columns([echoed(3)])
     assert columns.joint_names == ("joint_0", "joint_1", "joint_2")
-    assert (columns.time, columns.nanoseconds) == (0, 1)
-    assert list(columns.position) == [6, 7, 8]
-    assert list(columns.velocity) == [9, 10, 11]
-    assert list(columns.torque) == [12, 13, 14]
-    assert columns.current is None
+    assert columns.groups == {
+        "time_s": [0, 1],
+        "position_rad": [6, 7, 8],
+        "velocity_rad_s": [9, 10, 11],
+        "torque_nm": [12, 13, 14],
+    }
 
 
 @pytest.mark.parametrize(

@@ -10,10 +10,10 @@ import pytest
 from armload_identification.files.payload_file import read_payload
 from armload_identification.files.run_table import read_run_table
 from armload_identification.identification_errors import IdentificationError
-from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.file_reading import read_recording_file
 from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.storage.regular_file import read_whole
+from tests.recording_files import table_columns
 
 pytestmark = pytest.mark.pure
 
@@ -47,7 +47,7 @@ def no_file(request, tmp_path) -> tuple[Path, str]:
         read_payload,
         read_run_table,
         read_recording_file,
-        lambda path: read_recording_file(path, ReadingOptions(CsvColumns(0, [1]))),
+        lambda path: read_recording_file(path, ReadingOptions(table_columns(0, [1]))),
     ],
 )
 def test_pipes_devices_and_folders_are_refused_at_once(no_file, read):

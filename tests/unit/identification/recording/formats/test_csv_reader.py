@@ -8,20 +8,19 @@ import numpy as np
 import pytest
 
 from armload_identification.identification_errors import RecordingError
-from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.file_reading import read_recording_file
 from armload_identification.recording.formats.csv_reader import _Layout
 from armload_identification.recording.reading_options import ReadingOptions
-from tests.recording_files import csv_rows, write_csv
+from tests.recording_files import csv_rows, table_columns, write_csv
 
 pytestmark = pytest.mark.pure
 
-COLUMNS = ReadingOptions(CsvColumns(time=0, position=[1, 2], velocity=[3, 4], current=[5, 6]))
+COLUMNS = ReadingOptions(table_columns(time=0, position=[1, 2], velocity=[3, 4], current=[5, 6]))
 
 
 def test_csv_with_and_without_a_header_line(tmp_path):
     plain = read_recording_file(write_csv(tmp_path / "a.csv", csv_rows()), COLUMNS)
-    names = ReadingOptions(CsvColumns("t", ["q1", "q2"], current=["i1", "i2"]))
+    names = ReadingOptions(table_columns("t", ["q1", "q2"], current=["i1", "i2"]))
     headed = read_recording_file(write_csv(tmp_path / "b.csv", ["t,q1,q2,v1,v2,i1,i2", *csv_rows()]), names)
     np.testing.assert_array_equal(plain.current_a, headed.current_a)
     np.testing.assert_allclose(plain.position_rad[:, 0], np.sin(0.03 * np.arange(60)), atol=1e-5)
@@ -87,17 +86,17 @@ def test_one_wild_time_stamp_does_not_cost_the_rest(tmp_path):
     ("rows", "columns", "said"),
     [
         ([""], COLUMNS, "is empty"),
-        (csv_rows(), ReadingOptions(CsvColumns(0, [1, 2])), "neither motor current nor joint torque"),
+        (csv_rows(), ReadingOptions(table_columns(0, [1, 2])), "neither motor current nor joint torque"),
         (
             csv_rows(),
-            ReadingOptions(CsvColumns(0, [1, 2], current=[6, 7])),
+            ReadingOptions(table_columns(0, [1, 2], current=[6, 7])),
             "no column 7 for current_a; there are 0, 1, 2, 3, 4, 5, 6",
         ),
-        (csv_rows(), ReadingOptions(CsvColumns("t", [1, 2], current=[5, 6])), "no column 't' .* 0, 1, 2"),
+        (csv_rows(), ReadingOptions(table_columns("t", [1, 2], current=[5, 6])), "no column 't' .* 0, 1, 2"),
         (["1.0", "2.0"], COLUMNS, "no column 1 for position_rad; the table has one column, as no separator"),
         (
             ["a,b,c,d,e,f,g", *csv_rows()],
-            ReadingOptions(CsvColumns("t", [1, 2], current=[5, 6])),
+            ReadingOptions(table_columns("t", [1, 2], current=[5, 6])),
             "no column 't' .* a, b, c",
         ),
         (["nan,nan,nan,nan,nan,nan,nan"] * 50, COLUMNS, "0 usable rows of 50 .50 not finite"),
@@ -156,7 +155,7 @@ def test_a_header_that_does_not_fit_the_rows_is_refused_with_the_numbers_of_its_
         RecordingError, match=r'the header has 6 columns, the rows have 5\. .* "time=0 position=1-2 torque=3-4"'
     ):
         read_recording_file(path)
-    given = ReadingOptions(CsvColumns("t", ["q1", "q2"], torque=["tau1", "tau2"]))
+    given = ReadingOptions(table_columns("t", ["q1", "q2"], torque=["tau1", "tau2"]))
     assert read_recording_file(path, given).size == 40
 
 
@@ -210,7 +209,7 @@ def test_rows_without_text_are_read_at_once(rows):
             raise AssertionError(f"{self!r} is read field by field")
 
     lines = [f"{i},{i}.5,2" for i in range(rows)]
-    layout = _Layout(Path("x.csv"), ReadingOptions(CsvColumns(0, [1])), None, lines)
+    layout = _Layout(Path("x.csv"), ReadingOptions(table_columns(0, [1])), None, lines)
     table, unreadable = layout.numbers(list(map(Line, lines)))
     assert table.tolist() == [[i, i + 0.5] for i in range(rows)]
     assert unreadable == 0

@@ -19,13 +19,13 @@ from hypothesis import strategies as st
 from mcap.writer import CompressionType, Writer
 
 from armload_identification.identification_errors import IdentificationError, RecordingError
-from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.file_reading import read_recording_file
 from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.recording.recording import Recording
 from armload_identification.recording.run_format import RUN_ATTACHMENT, SCHEMA_NAME, TOPIC
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.recorded_run import Run
+from tests.recording_files import table_columns
 
 pytestmark = pytest.mark.pure
 
@@ -229,7 +229,7 @@ def timed_csv(path, unit_s, interval_s=0.002, velocity=False):
     table = [1000.0 + time_s / unit_s, np.sin(time_s), np.cos(2 * time_s)]
     table += [np.cos(time_s), -2 * np.sin(2 * time_s)] if velocity else []
     np.savetxt(path, np.column_stack([*table, time_s, time_s]), delimiter=",", fmt="%.12g")
-    return ReadingOptions(CsvColumns(0, [1, 2], [3, 4] if velocity else None, torque=[len(table), len(table) + 1]))
+    return ReadingOptions(table_columns(0, [1, 2], [3, 4] if velocity else None, torque=[len(table), len(table) + 1]))
 
 
 @pytest.mark.parametrize(("unit_s", "name"), [(1e-3, "milliseconds"), (1e-6, "microseconds"), (1e-9, "nanoseconds")])
@@ -275,4 +275,4 @@ def test_any_table_is_read_or_refused(tmp_path_factory, text):
     path = tmp_path_factory.mktemp("csv") / "a.csv"
     path.write_text(text)
     with contextlib.suppress(RecordingError):
-        read_recording_file(path, ReadingOptions(CsvColumns(0, [1], torque=[2])))
+        read_recording_file(path, ReadingOptions(table_columns(0, [1], torque=[2])))

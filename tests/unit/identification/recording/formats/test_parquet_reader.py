@@ -11,11 +11,11 @@ import pyarrow.parquet as pq
 import pytest
 
 from armload_identification.identification_errors import RecordingError
-from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.file_reading import read_recording_file
 from armload_identification.recording.formats.parquet_reader import ParquetReader, _numbered, _numbers
 from armload_identification.recording.reader import ReadingAccount
 from armload_identification.recording.reading_options import ReadingOptions
+from tests.recording_files import table_columns
 from tests.three_joints import NAMES, POSITION, TIME, TORQUE, assert_read
 
 
@@ -31,9 +31,9 @@ def test_a_parquet_table_with_a_column_for_each_joint(tmp_path):
     path = tmp_path / "run.parquet"
     pq.write_table(pa.table(columns()), path)
     assert_read(read_recording_file(path))
-    assert_read(read_recording_file(path, ReadingOptions(CsvColumns(0, [1, 2, 3], torque=["tau1", "tau2", "tau3"]))))
+    assert_read(read_recording_file(path, ReadingOptions(table_columns(0, [1, 2, 3], torque=["tau1", "tau2", "tau3"]))))
     with pytest.raises(RecordingError, match="no column 'tau9' for torque_nm; there are t, q1"):
-        read_recording_file(path, ReadingOptions(CsvColumns(0, [1, 2, 3], torque=["tau1", "tau2", "tau9"])))
+        read_recording_file(path, ReadingOptions(table_columns(0, [1, 2, 3], torque=["tau1", "tau2", "tau9"])))
     pq.write_table(pa.table({"a": TIME}), path)
     with pytest.raises(RecordingError, match="no time column"):
         read_recording_file(path)
@@ -246,7 +246,7 @@ def test_positions_may_be_a_tenth_of_a_radian_beyond_the_limits_and_two_half_tur
     reader._path, reader._remarks, reader._names = "set", (), ["time", "state"]
     batch = pa.table({"state": [low, high]}).to_batches()
     reader._batches = lambda _: batch
-    columns = CsvColumns("time", ["state"], joint_names=("a_x", "b_x"))
+    columns = table_columns("time", ["state"], joint_names=("a_x", "b_x"))
     found = reader._in_stated_unit(columns, "state", np.array(limits_rad))
     assert (found.scale.get("position_rad") is not None) is degrees
     assert bool(reader._remarks) is degrees

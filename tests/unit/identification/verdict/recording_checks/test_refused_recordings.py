@@ -13,15 +13,15 @@ import pytest
 from armload_identification.identification_errors import EstimationError, RecordingError
 from armload_identification.pipeline.payload_identification import identify_runs
 from armload_identification.pipeline.recording_survey import pair_mismatch
-from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.file_reading import read_recording_file
 from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.recording.reduction.repeated_values import repeated_values
 from armload_identification.verdict.recording_checks.usable_runs import usable_runs
+from tests.recording_files import table_columns
 
 pytestmark = pytest.mark.pure
 
-COLUMNS = ReadingOptions(CsvColumns(0, tuple(range(1, 7)), None, tuple(range(7, 13))))
+COLUMNS = ReadingOptions(table_columns(0, tuple(range(1, 7)), None, tuple(range(7, 13))))
 POSITION, CURRENT = slice(1, 7), slice(7, 13)
 
 
