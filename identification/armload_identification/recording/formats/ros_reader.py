@@ -78,17 +78,16 @@ _Message = tuple[Connection, int, bytes]
 
 @dataclass(frozen=True)
 class _Choice:
-    """Topic, joints and quantities that are read from a bag."""
+    """Topic, joints and quantities that are read from a bag; whether each of position, velocity and effort is."""
 
     topic: str
     names: tuple[str, ...]
-    velocity: bool
-    effort: bool
+    used: tuple[bool, ...]
     by_header: bool
 
     def of(self, quantities: Sequence[_Quantity]) -> list[_Quantity]:
         """The used ones of position, velocity and effort."""
-        return list(compress(quantities, (True, self.velocity, self.effort)))
+        return list(compress(quantities, self.used))
 
 
 class RosReader(RecordingReader):
@@ -204,8 +203,7 @@ class RosReader(RecordingReader):
         return _Choice(
             best[0],
             (*wanted, *(name for name in samples[0].names if name not in wanted)),
-            velocity=any(_is_measured(sample.columns[1], sample) for sample in samples),
-            effort=any(_is_measured(sample.columns[2], sample) for sample in samples),
+            used=(True, *(any(_is_measured(sample.columns[k], sample) for sample in samples) for k in (1, 2))),
             by_header=stamps.size > 1 and float(np.mean(np.diff(stamps) > 0)) >= _INCREASING,
         )
 

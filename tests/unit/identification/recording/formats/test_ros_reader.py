@@ -418,7 +418,7 @@ def test_joints_and_quantities_are_learnt_from_four_hundred_messages(bag, state,
         for k in range(440)
     ]
     choice = RosReader(bag(messages), ReadingOptions())._choice
-    assert (choice.names, choice.velocity, choice.effort) == (tuple(NAMES), False, known)
+    assert (choice.names, choice.used) == (tuple(NAMES), (True, False, known))
 
 
 @pytest.mark.parametrize(("stands", "by_header"), [(5, True), (7, False)])
