@@ -9,7 +9,8 @@ from typing import Final
 
 # ---- rows ----
 BIN_S: Final = 0.0095
-"""Samples that come faster are averaged over this, as in the recursive estimator."""
+"""Samples that come faster are averaged over this, as in the recursive estimator, and processed together. Longer: a
+push is noticed later by up to this."""
 BINS: Final = 9
 """Means in the cubic fit of a row, +-40 ms at 100 Hz. More: later; fewer: a noisier acceleration."""
 STEP_S: Final = 0.019
@@ -92,7 +93,7 @@ SURE: Final = 20.0
 PUSH_SURE: Final = 60.0
 """The same for a push: a heavy payload that is grasped slowly is far from a step at first."""
 PAYLOAD_FROM_S: Final = 1.38
-"""Earliest decision for a payload: a part of `PART_S` later it is known within 1.5 s."""
+"""Earliest decision for a payload: a part of `BIN_S` later it is known within 1.5 s."""
 FORCE_N: Final = 60.0
 MOMENT_NM: Final = 10.0
 """Sizes of a push, as prior standard deviations."""
@@ -115,8 +116,6 @@ STATE_S: Final = 0.5
 """Time between two kept states of the recursive estimator."""
 KEPT_S: Final = 12.0
 """Time for which states and samples are kept: an onset before the notice, and the time until a decision."""
-PART_S: Final = BIN_S
-"""Samples that come faster are processed together. Longer: a push is noticed later by up to this."""
 SETTLED_S: Final = 0.5
 """Time after the onset until the new payload alone acts: a grasp's duration, and the window of a row."""
 EVIDENT: Final = 0.4

@@ -18,7 +18,7 @@ import numpy as np
 
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.calibration.session_gains import SessionGains
-from armload_identification.contact.contact_levels import KEPT_S, OVER_S, PART_S, SETTLED_S, STATE_S
+from armload_identification.contact.contact_levels import BIN_S, KEPT_S, OVER_S, SETTLED_S, STATE_S
 from armload_identification.contact.force_watch import Force, ForceEvent, ForceEventKind, ForceWatch
 from armload_identification.float_array import FloatArray
 from armload_identification.model.chain import Chain
@@ -113,7 +113,7 @@ class WatchedPayload:
         time_s, position, effort = (np.concatenate(values) for values in zip(*self._part, strict=True))
         self._samples[-len(self._part) :] = [(time_s, position, effort)]
         now_s, self._part = float(time_s[-1]), []
-        self._part_end_s = now_s + PART_S
+        self._part_end_s = now_s + BIN_S
         while self._samples[0][0][-1] < now_s - KEPT_S:
             del self._samples[0]
         was = self._force.state

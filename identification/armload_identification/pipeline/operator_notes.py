@@ -30,6 +30,7 @@ from armload_identification.verdict.joint_words import listed, numbered_joints, 
 from armload_identification.verdict.recording_checks.column_mistakes import strange_joints
 from armload_identification.verdict.recording_checks.friction_validity import friction_notes, standard_deviations
 
+_DOUBTFUL: Final = "Mass and centre of mass may lie outside their intervals."
 _CHECKED_BY: Final = "Several runs with a weighed payload show it: `armload calibrate`."
 
 
@@ -153,8 +154,7 @@ def _on_times(found: Identification) -> Iterator[str]:
     if abs(delay_s) > Timing.late_s:
         yield (
             f"The torque belongs to positions {1e3 * abs(delay_s):.0f} ms {'before' if delay_s > 0.0 else 'after'} it. "
-            "Mass and centre of mass may lie outside their intervals. Check that torque and position have the same "
-            "time stamps, and that neither is smoothed."
+            f"{_DOUBTFUL} Check that torque and position have the same time stamps, and that neither is smoothed."
         )
 
 
@@ -164,8 +164,7 @@ def _on_paths(signal: LoadSignal) -> Iterator[str]:
     if joints := remarked_joints(apart, "{:.1f} deg RMS", np.degrees(signal.mismatch_rad)):
         yield (
             f"The positions of the two runs differ on {joints}, more than a servo sags by: a zero was moved, or the "
-            "runs were not commanded alike. Mass and centre of mass may lie outside their intervals. Check the zeros, "
-            "and record both runs again."
+            f"runs were not commanded alike. {_DOUBTFUL} Check the zeros, and record both runs again."
         )
 
 
@@ -212,8 +211,8 @@ def _on_contradictions(gains: GainFit | None) -> Iterator[str]:
             else "no single one of them explains that"
         )
         yield (
-            f"The drive gains contradict each other: {which}. Mass and centre of mass may lie outside their intervals. "
-            "Check torque constants and gear ratios, or calibrate the arm: `armload calibrate`."
+            f"The drive gains contradict each other: {which}. {_DOUBTFUL} Check torque constants and gear ratios, or "
+            "calibrate the arm: `armload calibrate`."
         )
     for joint in np.flatnonzero(gains.contradicted):
         size, half_width = gains.log_gain[joint], gains.half_width_95[joint]
@@ -301,8 +300,8 @@ def _on_calibrated_arm(plain: PayloadEstimate, arm: KnownArm | None) -> Iterator
     if strange.any():
         yield (
             f"The torque of {numbered_joints(strange)} fits more than {ArmFit.noisier:.0f} times worse than in the "
-            "calibration: something pushed the arm, rows are too far apart, or a gain has changed. Mass and centre of "
-            "mass may lie outside their intervals. Record the runs again, without contact and at 50 Hz or more."
+            f"calibration: something pushed the arm, rows are too far apart, or a gain has changed. {_DOUBTFUL} Record "
+            "the runs again, without contact and at 50 Hz or more."
         )
 
 
@@ -370,8 +369,8 @@ def change_notes(found: Identification, loaded: Run, unloaded: Run | None = None
             yield (
                 f"About {at_s:.0f} s after the start of the {name} run's recording, its torque differs for some "
                 f"seconds from that of its other periods, as by a force of {np.linalg.norm(event.change):.0f} N on the "
-                "flange: a push, a cable that catches, or a signal that fails. Mass and centre of mass may lie outside "
-                "their intervals. Record the run again, without contact."
+                f"flange: a push, a cable that catches, or a signal that fails. {_DOUBTFUL} Record the run again, "
+                "without contact."
             )
         elif event.statistic > levels.statistic:
             before_s, after_s = at_s - levels.apart_s, at_s + levels.apart_s

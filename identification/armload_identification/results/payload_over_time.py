@@ -28,21 +28,6 @@ class PayloadOverTime(PrintedResult):
     windows: tuple[Window, ...]
     source: RecordingSource
 
-    def rows(self) -> list[tuple[str, str, str, str]]:
-        """Per window its time, mass, determined coordinates of the centre of mass, and a remark."""
-        rows = []
-        for window in self.windows:
-            when = f"{window.start_s:.1f} to {window.end_s:.1f}"
-            if window.found is None:
-                rows.append((when, "", "", window.refusal))
-                continue
-            known = window.found.uncertainty
-            center = window.found.parameters.center_of_mass_m
-            listed = [f"{1e3 * c:z.0f}" if sure else "?" for c, sure in zip(center, known.determined[1:4], strict=True)]
-            mass = f"{window.found.parameters.mass_kg:z.3f} +- {known.half_width_95[0]:.3f}"
-            rows.append((when, mass, ", ".join(listed), ""))
-        return rows
-
     def to_dict(self) -> dict[str, Any]:
         """Everything as numbers, texts, lists and dictionaries: the schema `armload/windows/1`."""
         return json_document(
@@ -74,9 +59,20 @@ class PayloadOverTime(PrintedResult):
         write_figure(Path(path), mass_figure(marks, gaps, f"{self.robot}: {self.source.path.name}"))
 
     def table(self) -> ResultTable:
-        """The windows."""
+        """Per window its time, mass, determined coordinates of the centre of mass, and a remark."""
+        rows = []
+        for window in self.windows:
+            when = f"{window.start_s:.1f} to {window.end_s:.1f}"
+            if window.found is None:
+                rows.append((when, "", "", window.refusal))
+                continue
+            known = window.found.uncertainty
+            center = window.found.parameters.center_of_mass_m
+            listed = [f"{1e3 * c:z.0f}" if sure else "?" for c, sure in zip(center, known.determined[1:4], strict=True)]
+            mass = f"{window.found.parameters.mass_kg:z.3f} +- {known.half_width_95[0]:.3f}"
+            rows.append((when, mass, ", ".join(listed), ""))
         title = f"What {self.robot} carried, 95 % intervals, flange frame"
-        return ResultTable(title, ("time s", "mass kg", "centre of mass mm", "remark"), self.rows(), (0, 3))
+        return ResultTable(title, ("time s", "mass kg", "centre of mass mm", "remark"), rows, (0, 3))
 
 
 def _window(window: Window) -> dict[str, Any]:

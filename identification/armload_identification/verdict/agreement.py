@@ -78,8 +78,7 @@ class Agreement:
         statistic: The F statistic.
         critical: The value that it exceeds by chance in one of a hundred comparisons.
         half_width_95: (4,) half widths of the 95 % intervals of the difference.
-        judged_kg: Mass of the payload in question.
-        judged_m: (3,) its centre of mass.
+        judged: The payload in question.
         tolerance_kg: Tolerance of the mass.
         tolerance_m: Tolerance of the centre of mass.
         noticeable_kg: Error of only the mass that would be detected with a probability of 95 %.
@@ -92,8 +91,7 @@ class Agreement:
     statistic: float
     critical: float
     half_width_95: FloatArray
-    judged_kg: float
-    judged_m: FloatArray
+    judged: InertialParameters
     tolerance_kg: float
     tolerance_m: float
     noticeable_kg: float
@@ -145,8 +143,7 @@ def compare_known(judged: KnownMassCenter, measured: KnownMassCenter, tolerance:
         statistic=statistic,
         critical=critical,
         half_width_95=width,
-        judged_kg=judged.parameters.mass_kg,
-        judged_m=judged.values[1:],
+        judged=judged.parameters,
         tolerance_kg=tolerance_kg,
         tolerance_m=tolerance.center_m,
         noticeable_kg=noticeable_kg,

@@ -54,7 +54,7 @@ def sentences(verdict: PayloadVerdict, joint_names: Sequence[str]) -> list[str]:
 
 def agreement_sentences(agreement: Agreement, source: str) -> list[str]:
     """Result of a comparison in sentences, the outcome first; `source` is such as "CAD gives"."""
-    share = agreement.tolerance_kg / agreement.judged_kg
+    share = agreement.tolerance_kg / agreement.judged.mass_kg
     found = (
         f"{source} {_difference_text(agreement)}; the tolerance is {100.0 * share:.3g} % of the mass "
         f"({agreement.tolerance_kg:.3f} kg) and {1e3 * agreement.tolerance_m:.3g} mm."
@@ -72,7 +72,7 @@ def agreement_sentences(agreement: Agreement, source: str) -> list[str]:
                 f"(F {agreement.statistic:.1f}, limit {agreement.critical:.1f}).",
             ]
         case Outcome.CANNOT_TELL:
-            share = agreement.noticeable_kg / agreement.judged_kg
+            share = agreement.noticeable_kg / agreement.judged.mass_kg
             return [
                 found,
                 "This does not contradict the payload, but is too uncertain to confirm it: the smallest error that "
@@ -87,7 +87,7 @@ def _error_text(agreement: Agreement) -> str:
     off = []
     if beyond[0]:
         way = "low" if difference[0] > 0.0 else "high"
-        share = abs(difference[0]) / agreement.judged_kg
+        share = abs(difference[0]) / agreement.judged.mass_kg
         off.append(f"the payload's mass is {abs(difference[0]):.3f} kg ({100.0 * share:.1f} %) too {way}")
     if beyond[1:].any():
         moved = ", ".join(f"{-1e3 * difference[1 + i]:+z.1f} mm in {AXES[i]}" for i in np.flatnonzero(beyond[1:]))
@@ -101,7 +101,8 @@ def _remounting_sentences(agreement: Agreement) -> list[str]:
     """A payload of the same mass with another centre of mass: the same one, mounted differently."""
     if abs(agreement.difference[0]) > max(agreement.half_width_95[0], agreement.tolerance_kg):
         return []
-    before, after = agreement.judged_m, agreement.judged_m + agreement.difference[1:]
+    before = agreement.judged.center_of_mass_m
+    after = before + agreement.difference[1:]
     radii = np.hypot(before[0], before[1]), np.hypot(after[0], after[1])
     allowed = np.maximum(agreement.half_width_95[1:], agreement.tolerance_m)
     how = "moved or turned"
@@ -118,7 +119,7 @@ def _difference_text(agreement: Agreement) -> str:
     """Differences with their intervals."""
     mass, *center = agreement.difference
     width = agreement.half_width_95
-    share = abs(mass) / agreement.judged_kg
+    share = abs(mass) / agreement.judged.mass_kg
     moved = ", ".join(
         f"{axis} {1e3 * value:+z.1f} +- {1e3 * half:.1f}"
         for axis, value, half in zip(AXES, center, width[1:], strict=True)

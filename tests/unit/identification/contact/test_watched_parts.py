@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from armload_identification.contact.contact_levels import PART_S
+from armload_identification.contact.contact_levels import BIN_S
 from armload_identification.contact.force_watch import Force, ForceEvent, ForceEventKind
 from armload_identification.contact.watched_payload import WatchedPayload
 
@@ -69,7 +69,7 @@ class Watch:
 @pytest.fixture
 def watched(monkeypatch):
     """A watch in which something happens after parts of a tenth of a second."""
-    monkeypatch.setattr(f"{ROOM}.watched_payload.PART_S", 0.1)
+    monkeypatch.setattr(f"{ROOM}.watched_payload.BIN_S", 0.1)
     monkeypatch.setattr(f"{ROOM}.watched_payload.PayloadEstimator", Estimator)
     monkeypatch.setattr(f"{ROOM}.watched_payload.ForceWatch", Watch)
 
@@ -116,7 +116,7 @@ def test_forces_are_looked_for_in_the_same_parts_however_the_samples_come(watche
 
 @pytest.mark.parametrize(("rate_hz", "together"), [(100, 1), (125, 2), (500, 5)])
 def test_a_push_waits_for_no_more_samples_than_come_within_ten_milliseconds(monkeypatch, watched, rate_hz, together):
-    monkeypatch.setattr(f"{ROOM}.watched_payload.PART_S", PART_S)
+    monkeypatch.setattr(f"{ROOM}.watched_payload.BIN_S", BIN_S)
     arm = watched()
     time_s = np.arange(101) / rate_hz
     arm.take(time_s, time_s[:, None], time_s[:, None])

@@ -163,7 +163,7 @@ def test_pauses_are_told_with_how_often_every_part_was_measured_at_full_speed():
     ],
 )
 def test_a_scale_that_nothing_verifies_is_named(calibrated, by_torque, said):
-    transmission = Transmission(np.ones(JOINTS), np.eye(JOINTS), calibrated, np.array([0.02, 0.06, 0.01]))
+    transmission = Transmission(np.ones(JOINTS), np.eye(JOINTS), calibrated, np.diag([0.02**2, 0.06**2, 0.01**2]))
     found = notes(by_torque=by_torque, transmission=transmission)
     assert len(found) == bool(said)
     assert all(word in found[0] for word in said)
@@ -172,14 +172,14 @@ def test_a_scale_that_nothing_verifies_is_named(calibrated, by_torque, said):
 @pytest.mark.parametrize(("drifting_kg", "told"), [(-24.9, False), (-25.1, True), (25.1, True)])
 def test_a_usual_drift_that_matters_is_mentioned_where_intervals_do_not_allow_for_it(drifting_kg, told):
     """Of a mass +- 0.1 kg, 0.1 % of drift matters from 0.025 kg on."""
-    transmission = Transmission(np.ones(JOINTS), np.eye(JOINTS), NONE, np.full(JOINTS, 0.02))
+    transmission = Transmission(np.ones(JOINTS), np.eye(JOINTS), NONE, 0.02**2 * np.eye(JOINTS))
     found = notes(transmission=transmission, drifting=np.full(10, drifting_kg))
     assert len(found) == 1 + told
     assert ("by 0.1 % from one run to the other would change the mass by 0.025 kg" in found[-1]) is told
 
 
 def test_gears_of_much_loss_are_named_with_what_they_may_do_to_the_scale():
-    transmission = Transmission(np.ones(JOINTS), np.eye(JOINTS), NONE, np.full(JOINTS, 0.02))
+    transmission = Transmission(np.ones(JOINTS), np.eye(JOINTS), NONE, 0.02**2 * np.eye(JOINTS))
     assert "gears" not in only(notes(transmission=transmission))
     lossy = only(notes(transmission=transmission, load_friction=np.array([0.05, 0.21, 0.1])))
     assert "for 5 % by gears that lose 21 % of their load" in lossy

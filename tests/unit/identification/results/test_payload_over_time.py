@@ -32,7 +32,7 @@ SHIFT = PayloadOverTime(
 
 
 def test_each_window_has_a_row_with_its_payload_or_why_there_is_none():
-    assert SHIFT.rows() == [
+    assert SHIFT.table().rows == [
         ("0.0 to 10.0", "4.200 +- 0.050", "10, -20, 100", ""),
         ("10.0 to 20.0", "", "", "too slow"),
         ("20.0 to 30.0", "0.000 +- 0.050", "10, ?, 100", ""),

@@ -141,7 +141,7 @@ def test_a_payload_ten_per_cent_off_is_never_right(factor, scale):
 def test_the_sign_is_that_of_what_was_measured():
     result = compare_known(known(TRUE), known(moved(0.3, 0.001, 0, 0)), Tolerance())
     np.testing.assert_allclose(result.difference, [0.3, 0.001, 0, 0], atol=1e-12)
-    assert result.judged_kg == MASS_KG
+    assert result.judged.mass_kg == MASS_KG
     assert result.tolerance_kg == pytest.approx(0.2)
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from armload_identification.model.payload import InertialParameters
 from armload_identification.verdict.agreement import Agreement, LengthNeeded, Outcome
 from armload_identification.verdict.payload_verdict import PayloadVerdict, Remedy
 from armload_identification.verdict.recording_checks.joint_scales import JointScales
@@ -16,14 +17,19 @@ pytestmark = pytest.mark.pure
 
 NAMES = ("base", "elbow", "wrist")
 X = np.array([1.0, 0.0, 0.0])
+
+
+def judged(mass_kg, center_m=(0.03, 0.04, 0.1)):
+    return InertialParameters.from_center_of_mass(mass_kg, center_m, 0.01 * np.eye(3))
+
+
 AGREEMENT = Agreement(
     outcome=Outcome.RIGHT,
     difference=np.array([0.02, 0.001, 0.0, 0.0]),
     statistic=1.0,
     critical=4.0,
     half_width_95=np.array([0.05, 0.002, 0.002, 0.002]),
-    judged_kg=4.0,
-    judged_m=np.array([0.03, 0.04, 0.1]),
+    judged=judged(4.0),
     tolerance_kg=0.08,
     tolerance_m=0.005,
     noticeable_kg=0.2,
@@ -90,7 +96,7 @@ def test_wrong_names_what_is_off_first_as_an_error_of_the_payload(difference, sa
 def remounted(turned_degrees, moved_m=(0.0, 0.0, 0.0), mass_kg=0.0):
     angle = np.radians(turned_degrees)
     turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
-    before = AGREEMENT.judged_m
+    before = AGREEMENT.judged.center_of_mass_m
     return " ".join(wrong([mass_kg, *(turn @ before + moved_m - before)]))
 
 
@@ -108,7 +114,7 @@ def test_the_same_mass_further_out_was_moved_and_another_mass_is_no_remounting()
 
 def test_a_centre_of_mass_on_the_axis_cannot_show_a_turn():
     on_axis = np.array([0.001, 0.001, 0.1])
-    found = " ".join(wrong([0.0, 0.0, -0.002, 0.0], judged_m=on_axis, half_width_95=np.full(4, 0.0015)))
+    found = " ".join(wrong([0.0, 0.0, -0.002, 0.0], judged=judged(4.0, on_axis), half_width_95=np.full(4, 0.0015)))
     assert "moved or turned" in found
 
 
@@ -192,7 +198,7 @@ def test_an_error_of_both_is_one_sentence_with_its_share_of_the_mass():
         "The payload's mass is 0.400 kg (10.0 %) too high and its centre of mass is off by -4.0 mm in y, +2.1 mm in z."
     )
     assert found[2].endswith("(F 9.0, limit 4.0).")
-    other = wrong((0.4, 0.0, 0.0, 0.0), judged_kg=2.0, tolerance_kg=0.1)
+    other = wrong((0.4, 0.0, 0.0, 0.0), judged=judged(2.0), tolerance_kg=0.1)
     assert "0.400 kg (20.0 %) too low" in other[0]
     assert "a mass 0.400 kg higher (20.0 %) +- 0.050 kg" in other[1]
     assert "the tolerance is 5 % of the mass (0.100 kg) and 5 mm" in other[1]
