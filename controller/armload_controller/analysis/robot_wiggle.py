@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib.metadata import version
 from typing import Any, Final
 
@@ -23,7 +24,7 @@ from armload_identification.excitation.geometry.cartesian_speed import SpeedLimi
 from armload_identification.excitation.information import condition_number
 from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import ExcitationError
-from armload_identification.pipeline.mass_prospect import MassProspect
+from armload_identification.pipeline.mass_prospect import half_widths_kg
 from armload_identification.pipeline.wiggle import Wiggle, WiggleSearch
 from armload_identification.results.json_document import json_document
 
@@ -160,9 +161,10 @@ def design_wiggle(
     cycle_s = 1.0 / robot.bus.cycle_hz if robot.has_bus else _WITHOUT_BUS_S
 
     _require_gains(found, request.mass_share)
-    prospect = MassProspect(used.chain, found, robot.payloads.expected)
+    expected = robot.payloads.expected
+    prospect = partial(half_widths_kg, used.chain, found, expected)
     search = WiggleSearch(prospect, envelope, at, cycle_s, robot.obstacles.objection)
-    wiggle = search.shortest(request.mass_share * prospect.payload.mass_kg, seed, progress)
+    wiggle = search.shortest(request.mass_share * expected.mass_kg, seed, progress)
     excitation = Excitation(wiggle.trajectory, wiggle.periods)
     path = check_path(excitation, robot.motion_constraints, cycle_s, file="the design", key="any-motion")
     path.approach_from(at)

@@ -9,8 +9,6 @@ calibration's.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from armload_identification.calibration.calibration_result import ArmCalibration
@@ -26,42 +24,33 @@ from armload_identification.pipeline.estimator_constants import FLOOR_KG, FLOOR_
 from armload_identification.pipeline.recursive_estimator import COLOUR
 
 
-@dataclass(frozen=True, eq=False)
-class MassProspect:
-    """Expected uncertainty on a calibrated arm.
+def half_widths_kg(
+    chain: Chain, calibration: ArmCalibration, payload: InertialParameters, path: FourierTrajectory, periods: FloatArray
+) -> FloatArray:
+    """Half widths of the 95 % interval of a payload's mass on a calibrated arm.
 
-    Attributes:
+    Args:
         chain: The arm, with the tilt of its calibration.
         payload: The expected payload.
+        path: One period.
+        periods: (p,) numbers of periods.
+
+    Returns:
+        (p,) in kg.
     """
-
-    chain: Chain
-    calibration: ArmCalibration
-    payload: InertialParameters
-
-    def half_widths_kg(self, path: FourierTrajectory, periods: FloatArray) -> FloatArray:
-        """Half widths of the 95 % interval of the mass.
-
-        Args:
-            path: One period.
-            periods: (p,) numbers of periods.
-
-        Returns:
-            (p,) in kg.
-        """
-        arm = self.calibration.known_arm
-        count = max(int(path.period_s / ROW_S), 1)
-        interval_s = path.period_s / count
-        states = JointStates(*path.evaluate(np.arange(count) * interval_s)[:3])
-        independent = np.minimum(interval_s / arm.correlation_s, 1.0)
-        theta = self.payload.theta
-        rows = KnownArmRows.of(self.chain, arm, states, theta, arm.noise_nm / np.sqrt(independent))
-        torque = arm.body.torque(self.chain, *states) + payload_regressor(self.chain, *states) @ theta
-        changes = self.calibration.torque_changes(self.chain, states, interval_s, torque)
-        errors = self.calibration.independent_errors
-        floor = FLOOR_KG**2 + (FLOOR_SHARE * self.payload.mass_kg) ** 2
-        variance = [
-            COLOUR * rows.covariance(number)[0, 0] + np.sum((errors @ rows.shifts(changes, number)[:, 0]) ** 2) + floor
-            for number in periods
-        ]
-        return np.asarray(NORMAL_HALF_WIDTH * np.sqrt(variance))
+    arm = calibration.known_arm
+    count = max(int(path.period_s / ROW_S), 1)
+    interval_s = path.period_s / count
+    states = JointStates(*path.evaluate(np.arange(count) * interval_s)[:3])
+    independent = np.minimum(interval_s / arm.correlation_s, 1.0)
+    theta = payload.theta
+    rows = KnownArmRows.of(chain, arm, states, theta, arm.noise_nm / np.sqrt(independent))
+    torque = arm.body.torque(chain, *states) + payload_regressor(chain, *states) @ theta
+    changes = calibration.torque_changes(chain, states, interval_s, torque)
+    errors = calibration.independent_errors
+    floor = FLOOR_KG**2 + (FLOOR_SHARE * payload.mass_kg) ** 2
+    variance = [
+        COLOUR * rows.covariance(number)[0, 0] + np.sum((errors @ rows.shifts(changes, number)[:, 0]) ** 2) + floor
+        for number in periods
+    ]
+    return np.asarray(NORMAL_HALF_WIDTH * np.sqrt(variance))

@@ -17,7 +17,6 @@ from armload_identification.excitation.design_envelope import Envelope
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import ExcitationError
-from armload_identification.pipeline.mass_prospect import MassProspect
 
 PERIODS_S: Final = (2.0, 3.0, 4.0, 6.0, 8.0)
 LONGEST_S: Final = 60.0
@@ -66,14 +65,14 @@ class WiggleSearch:
     """Where and how to move.
 
     Attributes:
-        prospect: Expected uncertainty of the mass for a motion.
+        half_widths_kg: Half widths of the mass's 95 % interval, of a motion and (p,) numbers of its periods.
         envelope: All limits; the ranges of the joints are those about the configuration.
         at_rad: (n,) the configuration.
         step_s: The period is a multiple of this.
         objection: Returns why a motion within the limits must not be driven, or None.
     """
 
-    prospect: MassProspect
+    half_widths_kg: Callable[[FourierTrajectory, FloatArray], FloatArray]
     envelope: Envelope
     at_rad: FloatArray
     step_s: float
@@ -105,7 +104,7 @@ class WiggleSearch:
                 refused = refused or said or ""
                 if trajectory is not None and said is None:
                     counts = np.arange(1, int(LONGEST_S / period_s) + 1)
-                    widths = self.prospect.half_widths_kg(trajectory, counts.astype(float))
+                    widths = self.half_widths_kg(trajectory, counts.astype(float))
                     best_kg = min(best_kg, float(widths[-1]))
                     for enough in np.flatnonzero(widths <= wanted_kg)[:1]:
                         found.append(Wiggle(trajectory, int(counts[enough]), float(widths[enough]), shape.tried, seed))
@@ -129,7 +128,8 @@ class _Shapes:
     """Motions of one period about one configuration."""
 
     def __init__(self, search: WiggleSearch, period_s: float, rng: np.random.Generator) -> None:
-        self._prospect, self._envelope, self._at, self._rng = search.prospect, search.envelope, search.at_rad, rng
+        self._half_widths_kg, self._envelope = search.half_widths_kg, search.envelope
+        self._at, self._rng = search.at_rad, rng
         self._period_s = period_s
         self._harmonics = int(np.clip(round(_FASTEST_HZ * period_s), 1, _MOST_HARMONICS))
         self._times_s = np.arange(_SAMPLES * self._harmonics) * (period_s / (_SAMPLES * self._harmonics))
@@ -160,7 +160,7 @@ class _Shapes:
             if trajectory is None:
                 continue
             self.tried += 1
-            width = float(self._prospect.half_widths_kg(trajectory, self._judged)[0])
+            width = float(self._half_widths_kg(trajectory, self._judged)[0])
             if width < least:
                 best, chosen, least = trajectory, drawn, width
         return None if best is None else _shrunk_into(best, _INSIDE, _MOST_SHRINKING, self._envelope.worst)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ from armload_identification.identification_errors import (
 )
 from armload_identification.model.payload import PARAMETER_NAMES
 from armload_identification.pipeline.any_motion import FLOOR_KG, identify_windows
-from armload_identification.pipeline.mass_prospect import MassProspect
+from armload_identification.pipeline.mass_prospect import half_widths_kg
 from armload_identification.pipeline.payload_identification import identify_runs
 from armload_identification.pipeline.wiggle import WiggleSearch
 from armload_identification.recording.reading_options import Effort
@@ -85,9 +86,9 @@ def test_what_the_model_leaves_of_a_joint_widens_the_interval(pinocchio_arm, cal
         for current in (loaded.current_a, loaded.current_a + added)
     )
     assert 5.0 < off.half_width_95[0] / usual.half_width_95[0] < 10.0
-    prospect = MassProspect(chain, calibration, pinocchio_arm.payload)
+    prospect = partial(half_widths_kg, chain, calibration, pinocchio_arm.payload)
     trajectory = pinocchio_arm.trajectory(6, period_s=10.0)
-    (promised_kg,) = prospect.half_widths_kg(trajectory, np.array([0.1 * loaded.time_s[-1]]))
+    (promised_kg,) = prospect(trajectory, np.array([0.1 * loaded.time_s[-1]]))
     assert 0.9 * promised_kg < usual.half_width_95[0] < 1.1 * promised_kg
 
 
@@ -316,7 +317,7 @@ def about(pinocchio_arm):
 @pytest.fixture(scope="module")
 def wiggle(pinocchio_arm, calibration, known, about):
     """The shortest motion that determines the mass to 3 %."""
-    prospect = MassProspect(known[0], calibration, pinocchio_arm.payload)
+    prospect = partial(half_widths_kg, known[0], calibration, pinocchio_arm.payload)
     return found_about(prospect, about, 0.03 * pinocchio_arm.payload.mass_kg)
 
 
@@ -337,14 +338,14 @@ def test_a_wiggle_of_some_degrees_shows_the_mass_as_well_as_promised(pinocchio_a
 
 
 def test_more_periods_promise_more_but_never_more_than_the_calibration_knows(pinocchio_arm, calibration, known, wiggle):
-    prospect = MassProspect(known[0], calibration, pinocchio_arm.payload)
-    widths = prospect.half_widths_kg(wiggle.trajectory, np.array([1.0, 2.0, 4.0, 1e4]))
+    prospect = partial(half_widths_kg, known[0], calibration, pinocchio_arm.payload)
+    widths = prospect(wiggle.trajectory, np.array([1.0, 2.0, 4.0, 1e4]))
     assert widths[0] > widths[1] > widths[2] > 1.96 * FLOOR_KG
     assert widths[3] > 0.5 * widths[2]
 
 
 def test_a_wiggle_that_must_not_be_driven_is_none(pinocchio_arm, calibration, known, about, monkeypatch):
-    prospect = MassProspect(known[0], calibration, pinocchio_arm.payload)
+    prospect = partial(half_widths_kg, known[0], calibration, pinocchio_arm.payload)
     for name, value in (("PERIODS_S", (2.0,)), ("_DRAWS", 5), ("_VARIATIONS", 5)):
         monkeypatch.setattr(f"armload_identification.pipeline.wiggle.{name}", value)
     with pytest.raises(ExcitationError, match=r"respects all limits; touches the post\. Choose another position"):

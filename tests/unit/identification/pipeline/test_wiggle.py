@@ -42,7 +42,7 @@ def limits(worst=lambda _: np.array([-1.0]), excess=lambda _: np.array([-1.0]), 
 
 
 def shortest(wanted_kg=0.75, prospect=None, envelope=None, step_s=0.5, objection=lambda _: None, seed=3):
-    search = WiggleSearch(prospect or Prospect(), envelope or limits(), AT_RAD, step_s, objection)
+    search = WiggleSearch((prospect or Prospect()).half_widths_kg, envelope or limits(), AT_RAD, step_s, objection)
     told: list[tuple[int, int]] = []
     return search.shortest(wanted_kg, seed, lambda *done: told.append(done)), told
 
