@@ -71,9 +71,10 @@ def path_figure(excitation: Excitation, envelope: Envelope, joint_names: tuple[s
         rows = left.subplots(excitation.trajectory.n, sharex=True, squeeze=False)[:, 0]
         _draw_joints(rows, excitation.trajectory, envelope, joint_names)
         side, above, use, history = right.subplots(2, 2, height_ratios=(0.6, 0.4)).flat
-        tool = _Tool(excitation.trajectory, envelope.workspace)
-        tool.draw(side, (0, 2), "from the side: x to the right, z up, m")
-        tool.draw(above, (0, 1), "from above: x to the right, y up, m")
+        _draw_tool(side, excitation.trajectory, envelope.workspace, (0, 2))
+        side.set_title("from the side: x to the right, z up, m")
+        _draw_tool(above, excitation.trajectory, envelope.workspace, (0, 1))
+        above.set_title("from above: x to the right, y up, m")
         _draw_limit_use(use, excitation.trajectory, envelope, joint_names)
         _draw_history(history, excitation)
     return figure
@@ -98,33 +99,28 @@ def _draw_joints(
     rows[-1].set_xlabel(f"time in the period of {trajectory.period_s:g} s, s")
 
 
-class _Tool:
-    """Path of the flange, postures with their spheres, and obstacles."""
+def _draw_tool(axes: Axes, trajectory: FourierTrajectory, workspace: Workspace, plane: tuple[int, int]) -> None:
+    """Path of the flange, postures with their spheres, and obstacles, projected onto a plane.
 
-    def __init__(self, trajectory: FourierTrajectory, workspace: Workspace) -> None:
-        positions = trajectory.evaluate(np.linspace(0.0, trajectory.period_s, _SAMPLES)).position_rad
-        self.workspace = workspace
-        self.joints_m = workspace.chain.forward(positions)[:, :, :3, 3]
-        self.centres_m = [workspace.centres(q) for q in positions[:: _SAMPLES // _POSTURES]]
-
-    def draw(self, axes: Axes, plane: tuple[int, int], title: str) -> None:
-        """Draw everything projected onto a plane, given by the base's axes that point to the right and up."""
-        points = self.joints_m[:, :, plane]
-        for box in self.workspace.boxes:
-            axes.add_patch(Polygon(_outline(box, plane), closed=True, facecolor=_FORBIDDEN, edgecolor=GREY))
-            x, y = box.pose[list(plane), 3]
-            axes.text(x, y, box.name, ha="center", va="center", color=GREY)
-        for centres, joints in zip(self.centres_m, points[:: _SAMPLES // _POSTURES], strict=True):
-            axes.plot(*np.vstack([np.zeros(2), joints]).T, color=GREY, linewidth=0.8, alpha=0.7)
-            spheres = zip(centres[:, plane], self.workspace.spheres, strict=True)
-            circles = [Circle(center, sphere.radius_m) for center, sphere in spheres if sphere.link > 0]
-            axes.add_collection(PatchCollection(circles, color=GREY, alpha=0.06, linewidths=0.0))
-        axes.plot(*points[:, -1].T, color=COLORS[0], linewidth=1.6)
-        axes.plot(*points[0, -1], marker="o", color=COLORS[0], markersize=4)
-        axes.autoscale_view()
-        axes.set_aspect("equal", adjustable="datalim")
-        _draw_walls(axes, self.workspace, plane)
-        axes.set_title(title)
+    The plane is given by the base's axes that point to the right and up.
+    """
+    positions = trajectory.evaluate(np.linspace(0.0, trajectory.period_s, _SAMPLES)).position_rad
+    points = workspace.chain.forward(positions)[:, :, :3, 3][:, :, plane]
+    for box in workspace.boxes:
+        axes.add_patch(Polygon(_outline(box, plane), closed=True, facecolor=_FORBIDDEN, edgecolor=GREY))
+        x, y = box.pose[list(plane), 3]
+        axes.text(x, y, box.name, ha="center", va="center", color=GREY)
+    every = _SAMPLES // _POSTURES
+    for q, joints in zip(positions[::every], points[::every], strict=True):
+        axes.plot(*np.vstack([np.zeros(2), joints]).T, color=GREY, linewidth=0.8, alpha=0.7)
+        spheres = zip(workspace.centres(q)[:, plane], workspace.spheres, strict=True)
+        circles = [Circle(center, sphere.radius_m) for center, sphere in spheres if sphere.link > 0]
+        axes.add_collection(PatchCollection(circles, color=GREY, alpha=0.06, linewidths=0.0))
+    axes.plot(*points[:, -1].T, color=COLORS[0], linewidth=1.6)
+    axes.plot(*points[0, -1], marker="o", color=COLORS[0], markersize=4)
+    axes.autoscale_view()
+    axes.set_aspect("equal", adjustable="datalim")
+    _draw_walls(axes, workspace, plane)
 
 
 def _draw_walls(axes: Axes, workspace: Workspace, plane: tuple[int, int]) -> None:
