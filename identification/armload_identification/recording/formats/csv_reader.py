@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import partial
 from itertools import chain, islice, pairwise
 from pathlib import Path
@@ -117,12 +118,9 @@ class _Layout:
         times: dict[int | str, Callable[[str], float]] | None = None
         if self._stamped:
             times = {self._wanted[0]: seconds_of_stamp}
-        try:
-            table = np.loadtxt(lines, delimiter=",", usecols=self._wanted, ndmin=2, comments=None, converters=times)
-        except ValueError:
-            rows = []
-        else:
-            return table, 0
+        with suppress(ValueError):
+            return np.loadtxt(lines, delimiter=",", usecols=self._wanted, ndmin=2, comments=None, converters=times), 0
+        rows = []
         for line in lines:
             fields = line.split(",")
             first, *others = (fields[index] for index in self._wanted)
