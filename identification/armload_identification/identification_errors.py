@@ -136,13 +136,11 @@ class ExtraMissing(IdentificationError):
 
 
 _SHORT_REPR = reprlib.Repr()
-_SHORT_REPR.maxlevel, _SHORT_REPR.maxlist, _SHORT_REPR.maxstring, _SHORT_REPR.maxother, _SHORT_REPR.maxlong = (
-    3,
-    12,
-    300,
-    100,
-    40,
-)
+_SHORT_REPR.maxlevel = 3
+_SHORT_REPR.maxlist = 12
+_SHORT_REPR.maxstring = 300
+_SHORT_REPR.maxother = 100
+_SHORT_REPR.maxlong = 40
 
 
 def _shortened(value: object) -> str:
