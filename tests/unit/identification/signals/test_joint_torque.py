@@ -65,8 +65,8 @@ def test_one_that_makes_no_sense_is_refused_with_the_reason(changes, text):
         ({"scale_deviation": 0.07}, False, 0.07, True),
         ({"scale_deviation": 0.0}, True, 0.0, True),
         ({"calibrated": [True, False]}, False, 0.0, False),
-        ({"deviation": [0.0, 0.0]}, False, 0.0, False),
-        ({"deviation": [0.0, 0.1]}, False, NominalGain.common_deviation, True),
+        ({"covariance": np.zeros((2, 2))}, False, 0.0, False),
+        ({"covariance": np.diag([0.0, 0.01])}, False, NominalGain.common_deviation, True),
     ],
 )
 def test_only_nominal_gains_are_fitted_and_have_an_error_in_common(changes, from_torque, common, fitted):
