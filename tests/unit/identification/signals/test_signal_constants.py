@@ -311,7 +311,10 @@ def test_rows_are_means_over_a_third_of_a_second_of_joints_that_hardly_turn():
 
 @pytest.mark.parametrize(("loss", "said"), [(0.099, False), (0.101, True)])
 def test_smoothing_that_removes_a_tenth_is_noted(loss, said):
-    signal = SimpleNamespace(smoothing_loss=np.array([0.0, loss]), valid=np.ones(4, dtype=bool), periodic=False)
+    run = SimpleNamespace(periods=1, periodic=False)
+    signal = SimpleNamespace(
+        smoothing_loss=np.array([0.0, loss]), valid=np.ones(4, dtype=bool), loaded=run, unloaded=run
+    )
     found = list(_on_signal(signal, np.zeros(4, dtype=bool)))
     assert bool(found) is said
     assert not said or "more than 10 % of the signal of joint 2 (10 %)" in found[0]
