@@ -82,17 +82,16 @@ class RowWindow:
         weight = (1.0 - self._share**2) ** 2
         return np.asarray(weight / weight.sum())
 
-    @property
-    def noise_share(self) -> float:
-        """Standard deviation of a row of white samples, relative to theirs."""
-        return float(np.sqrt(np.sum(self.weight**2)))
+    def noise(self, memory: FloatArray) -> FloatArray:
+        """(L,) covariance of rows of samples with unit variance, by the lag in rows from 0: windows overlap.
 
-    @property
-    def correlation(self) -> FloatArray:
-        """(L,) autocorrelation of rows of white samples, by the lag in rows from 0: windows overlap."""
+        Args:
+            memory: (m,) autocorrelation of the samples by their lag from 0.
+        """
         step = int(np.diff(self.middle).min()) if self.middle.size > 1 else self.offset.size
-        shared = np.correlate(self.weight, self.weight, "full")[self.offset.size - 1 :: step]
-        return np.asarray(shared / shared[0])
+        shared = np.correlate(self.weight, self.weight, "full")
+        whole = np.convolve(shared, np.concatenate([memory[:0:-1], memory]))
+        return np.asarray(whole[whole.size // 2 :: step])
 
     @cached_property
     def slope_weight(self) -> FloatArray:

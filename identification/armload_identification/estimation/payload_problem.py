@@ -146,8 +146,10 @@ def _sampled_noise(level_nm: FloatArray, parts: Sequence[tuple[LoadSignal, RowWi
         parts: The periods, of whose rows difference and mean are fitted, and other parts, of which the difference is.
         coupling: (n, n) C of the motors.
     """
-    least = [window.noise_share * np.sqrt(signal.averaged_noise_nm**2 @ coupling**2) for signal, window in parts]
-    correlation = [window.correlation for _, window in parts]
+    rows = [window.noise(signal.noise_memory) for signal, window in parts]
+    samples = [np.sqrt(signal.averaged_noise_nm**2 @ coupling**2) for signal, _ in parts]
+    least = [np.sqrt(covariance[0]) * sample for covariance, sample in zip(rows, samples, strict=True)]
+    correlation = [covariance / covariance[0] for covariance in rows]
     lags = max(one.size for one in correlation)
     faded = [np.pad(one, (0, lags - one.size)) for one in correlation]
     of_mean = 0.5 * least[0]

@@ -70,6 +70,13 @@ class LoadSignal:
         """(n,) standard deviation of the noise in `raw_nm`, N m."""
         return np.hypot(self.loaded.averaged_noise_nm, self.unloaded.averaged_noise_nm)
 
+    @cached_property
+    def noise_memory(self) -> FloatArray:
+        """(L,) autocorrelation of that noise by the lag in samples, from 0."""
+        both = self.loaded.noise_memory, self.unloaded.noise_memory
+        lags = max(memory.size for memory in both)
+        return np.asarray(np.mean([np.pad(memory, (0, lags - memory.size)) for memory in both], axis=0))
+
     @property
     def noise_source(self) -> str:
         """How the noise was estimated: `SCATTER` only if it was for both runs."""

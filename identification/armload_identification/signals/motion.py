@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Final
 
@@ -37,6 +37,7 @@ class Motion:
         began_s: Time stamp of the first sample, or of the first row of periods that were averaged.
         rate: Measured seconds per second of phase; 1 without a period.
         interruptions: How often the run was paused or slowed down within the periods that were averaged.
+        noise_memory: (L,) autocorrelation of the noise by the lag in samples, from 0; 1 alone if it counts as white.
     """
 
     time_s: FloatArray
@@ -54,6 +55,7 @@ class Motion:
     began_s: float
     rate: float = 1.0
     interruptions: int = 0
+    noise_memory: FloatArray = field(default_factory=lambda: np.ones(1))
 
     @property
     def n(self) -> int:

@@ -65,8 +65,9 @@ def fold(recording: Recording, torque_nm: FloatArray, phases: int, scatter_nm: F
     counted = average or advance
     scatter = _scatter(table[:, :, :n], mean[:, :n], count) if scatter_nm is None else scatter_nm
     noise = white_noise(torque_nm) if scatter is None else scatter
+    period_s = advance.rate * trajectory.period_s
     return Motion(
-        time_s=np.arange(phases) / phases * (advance.rate * trajectory.period_s),
+        time_s=np.arange(phases) / phases * period_s,
         periodic=True,
         states=JointStates(*map(smooth, motion.period(phases)[:3])),
         raw_nm=raw,
@@ -81,6 +82,7 @@ def fold(recording: Recording, torque_nm: FloatArray, phases: int, scatter_nm: F
         began_s=float(recording.time_s[rows][0]),
         rate=advance.rate,
         interruptions=counted.interruptions,
+        noise_memory=_memory(table[:, :, :n] - mean[:, :n], period_s / phases),
     )
 
 
@@ -115,6 +117,18 @@ def _scatter(table: FloatArray, mean: FloatArray, count: NDArray[np.intp]) -> Fl
         return None
     square = np.nansum((table[:, repeated] - mean[repeated]) ** 2, axis=(0, 1))
     return np.asarray(np.sqrt(square / freedom))
+
+
+def _memory(apart: FloatArray, interval_s: float) -> FloatArray:
+    """(L,) autocorrelation of (periods, phases, n) samples minus their average, of all joints together; 1 if alone."""
+    lags = min(round(PeriodSeries.memory_s / interval_s), apart.shape[1] // 2)
+    spectrum = np.fft.rfft(np.nan_to_num(apart), 2 * apart.shape[1], axis=1)
+    shared = np.fft.irfft(np.sum(np.abs(spectrum) ** 2, axis=0), axis=0)[:lags]
+    varies = shared[:1].all(axis=0) & (len(apart) > 1)
+    if not varies.any():
+        return np.ones(1)
+    faded = 0.5 + 0.5 * np.cos(np.pi * np.arange(lags) / lags)
+    return np.asarray(faded * np.mean(shared[:, varies] / shared[0, varies], axis=1))
 
 
 def _filled(values: FloatArray, valid: NDArray[np.bool_]) -> FloatArray:

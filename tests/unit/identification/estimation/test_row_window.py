@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from armload_identification.estimation.arm_rows import RowWindow
 from armload_identification.signals.signal_constants import RowMean
@@ -84,11 +85,17 @@ def test_rows_that_are_kept_are_those(window):
     np.testing.assert_array_equal(window.only(window.whole).mean(values), window.mean(values)[window.whole])
 
 
-def test_rows_of_white_samples_scatter_and_correlate_as_their_windows_overlap(window):
-    rows = window.mean(np.random.default_rng(1).normal(size=(200, 20000)))[window.whole]
-    variance = np.mean(rows**2)
-    assert window.noise_share == pytest.approx(np.sqrt(variance), rel=0.01)
-    found = [np.mean(rows[lag:] * rows[: len(rows) - lag]) / variance for lag in range(window.correlation.size)]
-    np.testing.assert_allclose(window.correlation, found, atol=0.01)
-    assert window.correlation[1] > 0.5
-    np.testing.assert_array_equal(RowWindow.of(7, 0.2, 1).correlation, 1.0)
+@pytest.mark.parametrize("memory", [0.0, 0.8])
+def test_rows_scatter_and_correlate_as_their_windows_overlap_and_as_their_samples_do(window, memory):
+    """White samples, and such in which each remembers the one before."""
+    fresh = np.sqrt(1.0 - memory**2) * np.random.default_rng(1).normal(size=(300, 10000))
+    samples = lfilter([1.0], [1.0, -memory], fresh, axis=0)[100:]
+    rows = window.mean(samples)[window.whole]
+    expected = window.noise(memory ** np.arange(60))
+    found = [np.mean(rows[lag:] * rows[: len(rows) - lag]) for lag in range(12)]
+    np.testing.assert_allclose(expected[:12], found, atol=0.015 * found[0])
+    assert found[1] > 0.5 * found[0]
+
+
+def test_rows_of_one_sample_scatter_as_it(window):
+    np.testing.assert_array_equal(RowWindow.of(7, 0.2, 1).noise(np.ones(1)), 1.0)

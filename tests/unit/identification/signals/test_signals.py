@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.signal import butter, sosfiltfilt
+from scipy.signal import butter, lfilter, sosfiltfilt
 
 from armload_identification.identification_errors import ModelError, RecordingError
 from armload_identification.recording.recording import Recording
@@ -155,6 +155,25 @@ def test_folding_measures_the_period_and_the_scatter(pinocchio_arm):
     )
     error = (folded.raw_nm - exact) / (pinocchio_arm.noise_nm / np.sqrt(6))
     assert 0.9 < np.sqrt(np.mean(error**2)) < 1.1
+
+
+@pytest.mark.parametrize("slow", [0.0, 0.9])
+def test_folding_measures_how_long_the_noise_lasts(pinocchio_arm, slow):
+    """Noise of which each sample remembers that share of the one before, beside white noise."""
+    run = pinocchio_arm.run(pinocchio_arm.trajectory(1), True, seed=1, periods=6)
+    torque = joint_torque(run, pinocchio_arm.transmission)
+    fresh = np.random.default_rng(3).normal(size=torque.shape) * 5.0 * pinocchio_arm.noise_nm
+    noise = lfilter([np.sqrt(1.0 - slow**2)], [1.0, -slow], fresh, axis=0)
+    memory = fold(run, torque + noise, phases_of(*periodic_phase(run))).noise_memory
+    assert memory[0] == 1.0
+    np.testing.assert_allclose(memory[1:15], slow ** np.arange(1, 15) / (1.0 + 1.0 / 25.0), atol=0.06)
+    assert abs(memory[-1]) < 1e-3
+
+
+def test_noise_of_one_period_counts_as_white(pinocchio_arm):
+    run = pinocchio_arm.run(pinocchio_arm.trajectory(1), True, seed=1, periods=1)
+    torque = joint_torque(run, pinocchio_arm.transmission)
+    np.testing.assert_array_equal(fold(run, torque, phases_of(*periodic_phase(run))).noise_memory, [1.0])
 
 
 def test_a_motion_of_4_hz_is_seen_at_20_samples_per_second(pinocchio_arm, monkeypatch):
