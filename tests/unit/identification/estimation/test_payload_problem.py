@@ -82,6 +82,21 @@ def test_noise_of_a_pair_is_at_least_that_of_its_samples(signal, pinocchio_arm):
         assert (noise.least_correlation[2:, 1] < 0.5).all()  # every second row
 
 
+def test_rows_of_slow_noise_have_more_of_it_and_for_longer(signal, pinocchio_arm):
+    """Half of the runs have such noise, without an end to it in a window: half of its variance stays in a mean."""
+    chain, coupling = pinocchio_arm.chain, pinocchio_arm.transmission.coupling
+    lasting = replace(signal.loaded, noise_memory=0.999 ** np.arange(400))
+    white = replace(signal, loaded=replace(signal.loaded, noise_memory=np.ones(1)))
+    white = replace(white, unloaded=replace(signal.unloaded, noise_memory=np.ones(1)))
+    slow = replace(white, loaded=lasting)
+    before, after = (pair_problem(one, chain, coupling, None).problem.noise for one in (white, slow))
+    sample_nm = np.sqrt(signal.averaged_noise_nm**2 @ coupling**2)
+    np.testing.assert_allclose(after.least_nm[0] ** 2, 0.5 * (before.least_nm[0] ** 2 + sample_nm**2), rtol=0.02)
+    far = before.least_correlation.shape[1]
+    assert after.least_correlation.shape[1] > far
+    assert after.least_correlation[0, far] > 0.7
+
+
 def test_parts_share_the_rows_without_an_overlap(alone):
     (whole,) = alone.problem.groups
     middle_s, end_s = 0.4 * whole.time_s[-1], whole.time_s[-1] + 1.0
