@@ -11,11 +11,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import Annotated, Any, Generic, Literal, TypeVar
+from typing import Annotated, Any, Generic, TypeVar
 
 import msgspec
 import numpy as np
-from msgspec import Meta, field
+from msgspec import Meta
 
 from armload_identification.files.covariance_table import CovarianceTable, covariance_lines
 from armload_identification.files.inertia_table import InertiaTable
@@ -54,17 +54,36 @@ _MODEL_TOLERANCE = 1e-9
 _Entry = TypeVar("_Entry")
 
 
+class _Center(Table, Generic[_Entry]):
+    """Entries of the centre of mass."""
+
+    x: _Entry | None = None
+    y: _Entry | None = None
+    z: _Entry | None = None
+
+
+class _Inertia(Table, Generic[_Entry]):
+    """Entries of the inertia."""
+
+    ixx: _Entry | None = None
+    iyy: _Entry | None = None
+    izz: _Entry | None = None
+    ixy: _Entry | None = None
+    ixz: _Entry | None = None
+    iyz: _Entry | None = None
+
+
 class _Entries(Table, Generic[_Entry]):
     """The ten entries common to several sections; `_PayloadFile` checks which of them are required."""
 
     mass_kg: _Entry | None = None
-    center_of_mass_m: dict[Literal["x", "y", "z"], _Entry] = field(default_factory=dict)
-    inertia_kg_m2: dict[Literal["ixx", "iyy", "izz", "ixy", "ixz", "iyz"], _Entry] = field(default_factory=dict)
+    center_of_mass_m: _Center[_Entry] = _Center()
+    inertia_kg_m2: _Inertia[_Entry] = _Inertia()
 
     def entries(self) -> dict[str, _Entry | None]:
         """All ten by their dotted keys, in the order of `_KEYS`."""
-        within = {"": {"mass_kg": self.mass_kg}, **{group: getattr(self, group) for group, _ in _KEYS if group}}
-        return {f"{group}.{key}".removeprefix("."): within[group].get(key) for group, key in _KEYS}
+        within = {group: getattr(self, group) if group else self for group, _ in _KEYS}
+        return {f"{group}.{key}".removeprefix("."): getattr(within[group], key) for group, key in _KEYS}
 
 
 class _PayloadTable(_Entries[float]):

@@ -116,7 +116,7 @@ MASS = f"{result().model.mass_kg!r}"
         ("mass_kg = true", "mass_kg = false", ("payload.mass_kg", MASS, "it is false in [determined]")),
         ("iyy = false", "iyy = true", ("payload.inertia_kg_m2.iyy", "missing")),
         ("iyy = false, ", "", ("determined.inertia_kg_m2.iyy", "missing")),
-        ("iyy = false", "iyy = false, ikk = true", ("determined.inertia_kg_m2.ikk", "expected 'ixx', 'iyy'")),
+        ("iyy = false", "iyy = false, ikk = true", ("determined.inertia_kg_m2.ikk", "unknown key")),
         ("[model]", "[model]\nmass = 1", ("model.mass", "unknown key")),
         ("[residual]", "[remainder]", ("residual", "missing")),
         ("rms_nm = [1.5, ", "rms_nm = [", ("residual.noise_nm", "2 finite numbers")),
