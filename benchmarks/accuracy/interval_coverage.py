@@ -151,8 +151,12 @@ def deviations(name: str, twin: Twin, seed: int) -> dict[Mode, FloatArray]:
         drift = since + rng.normal(0.0, Drift.between_runs / np.sqrt(2.0))
         return _recorded(name, twin, role, payload, friction, (1.0 + error) * (1.0 + drift) - 1.0, rng)
 
+    def steady(error: FloatArray) -> tuple[Recording, Recording]:
+        loaded, unloaded = (_recorded(name, twin, role, on, friction, error, rng) for on in (shelf[carried], None))
+        return loaded, unloaded
+
     pair = recorded(role, shelf[carried], friction, since), recorded(role, None, friction, since)
-    steady, steady_empty = (_recorded(name, twin, role, on, friction, error, rng) for on in (shelf[carried], None))
+    held = steady(error)
     calibration = calibrated(
         [
             MountedRun(recorded(on, payload), payload.what if payload else "")
@@ -163,15 +167,13 @@ def deviations(name: str, twin: Twin, seed: int) -> dict[Mode, FloatArray]:
         nominal,
     )
     cases = {
-        Mode.NOMINAL: (None, steady, steady_empty, chain, nominal),
+        Mode.NOMINAL: (None, *held, chain, nominal),
         Mode.PAIR: (calibration, *pair, chain, nominal),
         Mode.SINGLE: (calibration, pair[0], None, chain, nominal),
     }
     if twin is Twin.NORMATIVE:
-        right = np.zeros(chain.n)
         exact = Transmission(nominal.gain_nm_a, nominal.coupling, np.ones(chain.n, dtype=bool))
-        loaded, unloaded = (_recorded(name, twin, role, on, friction, right, rng) for on in (shelf[carried], None))
-        cases[Mode.EXACT] = (None, loaded, unloaded, chain, exact)
+        cases[Mode.EXACT] = (None, *steady(np.zeros(chain.n)), chain, exact)
     found = {}
     for mode, case in cases.items():
         try:

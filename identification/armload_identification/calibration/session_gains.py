@@ -7,7 +7,7 @@ calibration's sessions. With x the logarithm of the factor, beside the run's own
 
 A reference of the same session, empty or with a weighed tool, measures it. The identified run itself says how large it
 can be, because the arm's torque has another course than the payload's. It is not corrected by that: gears that are
-still cold look the same (on the UR10e, 0.8 % on 31 January, where there was no drift).
+still cold look the same (on the UR10e, 0.5 % on 31 January, where there was no drift).
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ LEAST: Final = 0.001
 because the arm's links are fitted to them, and of what a run says."""
 OF_REFERENCE: Final = 0.003
 """The same of a drift that a reference has measured: on 31 January the UR10e's empty run says -0.4 %, the loaded one
--0.8 %, where the weighed payload shows none."""
+-0.5 %, where the weighed payload shows none."""
 REFERENCE: Final = "`--reference` / `StatedDrift(reference=...)`"
 """How such a run is given, on the command line and in Python."""
 _STEPS: Final = 3
@@ -133,9 +133,9 @@ class SessionGains:
         return SessionGains(self.log_factor, reach / NORMAL_HALF_WIDTH, origin)
 
     def _with_prior(self, said: float, deviation: float) -> tuple[float, float]:
-        """What a run says by itself and its standard deviation, together with what was known before."""
+        """What a run says by itself and its standard deviation, together with what is assumed."""
         precision = deviation**-2.0 + self.deviation**-2.0
-        return self.log_factor + (said - self.log_factor) * deviation**-2.0 / precision, precision**-0.5
+        return said * deviation**-2.0 / precision, precision**-0.5
 
     def corrected(self, calibration: ArmCalibration) -> ArmCalibration:
         """The calibration with the gains of the session."""

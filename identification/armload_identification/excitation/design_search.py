@@ -165,14 +165,17 @@ class Search:
         self._middle = 0.5 * (joints.position_max_rad + joints.position_min_rad)
         self._scale = np.column_stack([half, reach])
 
-    @threadpool_limits.wrap(1)
     def run(self, source: np.random.SeedSequence) -> Attempt:
         """One start.
 
         Args:
             source: Seed of its random numbers; the same seed gives the same attempt in any process.
         """
-        x = self._best_random_motion(np.random.default_rng(source))
+        with threadpool_limits(1):
+            return self._optimised_start(np.random.default_rng(source))
+
+    def _optimised_start(self, rng: np.random.Generator) -> Attempt:
+        x = self._best_random_motion(rng)
         multipliers = np.zeros((self._basis.shape[1], self._envelope.rows))
         reserve = np.zeros(self._envelope.rows)
         penalty = _FIRST_PENALTY

@@ -121,10 +121,12 @@ def _scatter(table: FloatArray, mean: FloatArray, count: NDArray[np.intp]) -> Fl
 
 def _memory(apart: FloatArray, interval_s: float) -> FloatArray:
     """(L,) autocorrelation of (periods, phases, n) samples minus their average, of all joints together; 1 if alone."""
+    if len(apart) < 2:
+        return np.ones(1)
     lags = min(round(PeriodSeries.memory_s / interval_s), apart.shape[1] // 2)
     spectrum = np.fft.rfft(np.nan_to_num(apart), 2 * apart.shape[1], axis=1)
     shared = np.fft.irfft(np.sum(np.abs(spectrum) ** 2, axis=0), axis=0)[:lags]
-    varies = shared[:1].all(axis=0) & (len(apart) > 1)
+    varies = shared[0] > 0.0
     if not varies.any():
         return np.ones(1)
     faded = 0.5 + 0.5 * np.cos(np.pi * np.arange(lags) / lags)

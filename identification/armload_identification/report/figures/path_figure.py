@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Final
 
 import matplotlib.style
@@ -71,9 +72,8 @@ def path_figure(excitation: Excitation, envelope: Envelope, joint_names: tuple[s
         rows = left.subplots(excitation.trajectory.n, sharex=True, squeeze=False)[:, 0]
         _draw_joints(rows, excitation.trajectory, envelope, joint_names)
         side, above, use, history = right.subplots(2, 2, height_ratios=(0.6, 0.4)).flat
-        _draw_tool(side, excitation.trajectory, envelope.workspace, (0, 2))
+        _draw_tool({side: (0, 2), above: (0, 1)}, excitation.trajectory, envelope.workspace)
         side.set_title("from the side: x to the right, z up, m")
-        _draw_tool(above, excitation.trajectory, envelope.workspace, (0, 1))
         above.set_title("from above: x to the right, y up, m")
         _draw_limit_use(use, excitation.trajectory, envelope, joint_names)
         _draw_history(history, excitation)
@@ -99,28 +99,31 @@ def _draw_joints(
     rows[-1].set_xlabel(f"time in the period of {trajectory.period_s:g} s, s")
 
 
-def _draw_tool(axes: Axes, trajectory: FourierTrajectory, workspace: Workspace, plane: tuple[int, int]) -> None:
-    """Path of the flange, postures with their spheres, and obstacles, projected onto a plane.
+def _draw_tool(planes: Mapping[Axes, tuple[int, int]], trajectory: FourierTrajectory, workspace: Workspace) -> None:
+    """Path of the flange, postures with their spheres, and obstacles, projected onto planes.
 
-    The plane is given by the base's axes that point to the right and up.
+    A plane is given by the base's axes that point to the right and up.
     """
-    positions = trajectory.evaluate(np.linspace(0.0, trajectory.period_s, _SAMPLES)).position_rad
-    points = workspace.chain.forward(positions)[:, :, :3, 3][:, :, plane]
-    for box in workspace.boxes:
-        axes.add_patch(Polygon(_outline(box, plane), closed=True, facecolor=_FORBIDDEN, edgecolor=GREY))
-        x, y = box.pose[list(plane), 3]
-        axes.text(x, y, box.name, ha="center", va="center", color=GREY)
     every = _SAMPLES // _POSTURES
-    for q, joints in zip(positions[::every], points[::every], strict=True):
-        axes.plot(*np.vstack([np.zeros(2), joints]).T, color=GREY, linewidth=0.8, alpha=0.7)
-        spheres = zip(workspace.centres(q)[:, plane], workspace.spheres, strict=True)
-        circles = [Circle(center, sphere.radius_m) for center, sphere in spheres if sphere.link > 0]
-        axes.add_collection(PatchCollection(circles, color=GREY, alpha=0.06, linewidths=0.0))
-    axes.plot(*points[:, -1].T, color=COLORS[0], linewidth=1.6)
-    axes.plot(*points[0, -1], marker="o", color=COLORS[0], markersize=4)
-    axes.autoscale_view()
-    axes.set_aspect("equal", adjustable="datalim")
-    _draw_walls(axes, workspace, plane)
+    positions = trajectory.evaluate(np.linspace(0.0, trajectory.period_s, _SAMPLES)).position_rad
+    joints_m = workspace.chain.forward(positions)[:, :, :3, 3]
+    centres_m = [workspace.centres(q) for q in positions[::every]]
+    for axes, plane in planes.items():
+        points = joints_m[:, :, plane]
+        for box in workspace.boxes:
+            axes.add_patch(Polygon(_outline(box, plane), closed=True, facecolor=_FORBIDDEN, edgecolor=GREY))
+            x, y = box.pose[list(plane), 3]
+            axes.text(x, y, box.name, ha="center", va="center", color=GREY)
+        for centres, joints in zip(centres_m, points[::every], strict=True):
+            axes.plot(*np.vstack([np.zeros(2), joints]).T, color=GREY, linewidth=0.8, alpha=0.7)
+            spheres = zip(centres[:, plane], workspace.spheres, strict=True)
+            circles = [Circle(center, sphere.radius_m) for center, sphere in spheres if sphere.link > 0]
+            axes.add_collection(PatchCollection(circles, color=GREY, alpha=0.06, linewidths=0.0))
+        axes.plot(*points[:, -1].T, color=COLORS[0], linewidth=1.6)
+        axes.plot(*points[0, -1], marker="o", color=COLORS[0], markersize=4)
+        axes.autoscale_view()
+        axes.set_aspect("equal", adjustable="datalim")
+        _draw_walls(axes, workspace, plane)
 
 
 def _draw_walls(axes: Axes, workspace: Workspace, plane: tuple[int, int]) -> None:

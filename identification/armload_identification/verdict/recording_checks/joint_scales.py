@@ -52,8 +52,8 @@ def joint_scales(signal: LoadSignal, predicted_nm: FloatArray, friction_nm: Floa
     """The scale of every joint, by the payload's (K, n) torque and the friction that it adds, (K, n), in N m."""
     n = predicted_nm.shape[1]
     weight = signal.loaded.reversal_weight * signal.valid[:, None]
-    direction = smooth_sign(signal.loaded.states.velocity_rad_s, reversal_speed(signal.loaded.states.velocity_rad_s))
     velocity = signal.loaded.states.velocity_rad_s
+    direction = smooth_sign(velocity, reversal_speed(velocity))
     columns = np.stack([predicted_nm, direction, velocity, np.ones_like(velocity)], axis=2) * weight[:, :, None]
     target = (signal.torque_nm - friction_nm) * weight
     scale, half_width = np.full(n, np.nan), np.full(n, np.inf)

@@ -43,7 +43,7 @@ def test_a_file_reads_back_bit_for_bit(tmp_path):
     assert np.array_equal(got.trajectory.offset_rad, motion.offset_rad)
     assert np.array_equal(got.trajectory.sin_rad, motion.sin_rad)
     assert np.array_equal(got.trajectory.cos_rad, motion.cos_rad)
-    assert (got.periods, got.design) == (3, DESIGN)
+    assert (got.periods, got.design, got.periods * got.trajectory.period_s) == (3, DESIGN, 30.0)
 
 
 def test_a_file_without_a_design_reads_back(tmp_path):
