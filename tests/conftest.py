@@ -41,6 +41,7 @@ from tests.bounded import overheard
 from tests.fake_servos import FakeServos
 from tests.ideal_plant import IdealPlant
 from tests.independent_drive import PRODUCT_CODE, VENDOR_ID
+from tests.started_programs import signals_as_before
 
 settings.register_profile("the same examples in every run", derandomize=True)
 settings.load_profile("the same examples in every run")
@@ -121,6 +122,13 @@ def no_leaked_threads():
         thread.join(timeout=1.0)
     left = [t.name for t in left if t.is_alive()]
     assert not left, f"threads left running: {left}"
+
+
+@pytest.fixture(autouse=True)
+def no_signals_left_ignored():
+    """Signals are handled as before, whatever command has failed in this process."""
+    with signals_as_before():
+        yield
 
 
 @pytest.fixture(autouse=True)

@@ -1,8 +1,10 @@
 """Programs with the signal handling of a shell's prompt, whatever signals this process ignores, or with priority."""
 
 import shutil
+import signal
 import subprocess
 import sys
+from contextlib import contextmanager
 from functools import cache
 
 _START = """
@@ -37,3 +39,13 @@ def armload_before_others():
     if shutil.which("chrt") is None or subprocess.run([*first, "true"], capture_output=True, check=False).returncode:
         return armload
     return [*first, *armload]
+
+
+@contextmanager
+def signals_as_before():
+    """Handles signals afterwards as before: a command that failed leaves them ignored, as its program would end."""
+    before = {number: signal.getsignal(number) for number in signal.valid_signals()}
+    yield
+    for number, handler in before.items():
+        if signal.getsignal(number) is not handler:
+            signal.signal(number, handler)

@@ -9,10 +9,10 @@ r"""Signals as stops: the effect of Ctrl-C, a lost terminal and `kill` on a moti
 Other signals that end a program by default are taken as SIGTERM: SIGUSR1, SIGALRM, SIGXCPU and so on.
 
 Rules. The first signal stops along the path, a second one immediately; further ones are ignored, and so are all once a
-motion has ended with an error, because nothing must interrupt the removal of torque, or the message about it. While a
-question is open the drives are off, and a signal ends the program; after a signal nothing is asked. A signal that is
-ignored when the program starts stays ignored: SIGINT and SIGTSTP in a background job of a shell script, SIGHUP under
-nohup. SIGTERM is the exception: it always stops the arm.
+motion has ended with an error, until the program ends, because nothing must interrupt the removal of torque, or the
+message about it. While a question is open the drives are off, and a signal ends the program; after a signal nothing is
+asked. A signal that is ignored when the program starts stays ignored: SIGINT and SIGTSTP in a background job of a shell
+script, SIGHUP under nohup. SIGTERM is the exception: it always stops the arm.
 """
 
 from __future__ import annotations
@@ -31,6 +31,8 @@ _OTHER_ENDING_SIGNALS = [
 
 class StopSignals:
     """Turns signals into stops within a `with` block, and restores the previous handlers afterwards.
+
+    After a block that ended with an error the signals are ignored, so that its message is printed.
 
     Args:
         control: Receives the stops.
@@ -69,9 +71,10 @@ class StopSignals:
                 self._previous_handlers[number] = signal.signal(number, on_signal)
         return self
 
-    def __exit__(self, *_exception: object) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_error: object) -> None:
+        failed = kind is not None and kind is not GeneratorExit
         for number, handler in self._previous_handlers.items():
-            signal.signal(number, handler)
+            signal.signal(number, signal.SIG_IGN if failed else handler)
 
     def ask(self, question: str, put: Callable[[str], bool]) -> bool:
         """Ask a question; a signal ends it, and after one nothing is asked.

@@ -27,6 +27,7 @@ from armload_identification.recording.run_format import LATENESS_ATTACHMENT
 from tests.faulty_disk import FaultyDisk
 from tests.first_day import PAGE, needs_page, page_commands, write_arm
 from tests.short_commissioning import RECORDINGS
+from tests.started_programs import signals_as_before
 
 pytestmark = needs_page
 ON_A_BUS = ("drives scan", "init", "drives show")
@@ -88,7 +89,7 @@ class Day:
         """Give a command; after some rows of a part of a recording, or else of cycles, something happens."""
         self._left, self._recording, self._happens = after if happens else 0, recording, happens
         self.disk = FaultyDisk(self.folder)
-        with self.disk.mounted():
+        with self.disk.mounted(), signals_as_before():
             done = self._armload(*words.split())
         assert self._left == 0, (words, recording, done.output, done.exception)
         return done

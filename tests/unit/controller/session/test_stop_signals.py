@@ -62,6 +62,23 @@ def test_once_a_motion_has_ended_with_an_error_no_signal_interrupts(inherited):
     assert isinstance(control.goal.stop, TerminationStop)
 
 
+def test_signals_are_ignored_after_an_error_until_its_message_is_printed():
+    with pytest.raises(OperatorStop), StopSignals(MotionControl()):
+        raise OperatorStop("Ctrl-C")
+    for number in (signal.SIGINT, signal.SIGTSTP, signal.SIGHUP, signal.SIGTERM):
+        os.kill(os.getpid(), number)
+
+
+def test_a_generator_that_is_closed_restores_the_handlers(inherited):
+    def moments():
+        with StopSignals(MotionControl()):
+            yield
+
+    some = moments()
+    next(some)
+    some.close()
+
+
 def test_a_signal_with_a_handler_of_its_own_keeps_it():
     seen = []
     before = signal.signal(signal.SIGUSR1, lambda number, frame: seen.append(number))
