@@ -30,6 +30,7 @@ import numpy as np
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.estimation.arm_terms import LINKS
 from armload_identification.estimation.physical_consistency import inside_barrier
+from armload_identification.estimation.residual_spectrum import whitening
 from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import EstimationError
 from armload_identification.model.chain import Chain
@@ -83,7 +84,7 @@ def possible_links(chain: Chain, calibration: ArmCalibration) -> PossibleLinks:
     _, size, right = np.linalg.svd(torque, full_matrices=False)
     right = right[: int(np.count_nonzero(size > _INDEPENDENT * size[0]))]
     at = calibration.place(LINKS)
-    whitened = _whitening(calibration.covariance[at, at])
+    whitened = whitening(calibration.covariance[at, at], _FLAT)
     rows = whitened @ np.linalg.lstsq(torque[:, base], torque)[0]
     target = whitened @ identified[base]
     theta = _rods(chain, torque, torque @ identified)
@@ -109,13 +110,6 @@ def possible_links(chain: Chain, calibration: ArmCalibration) -> PossibleLinks:
     off = 0.0 if exact else float(np.sqrt(np.mean((rows @ theta.ravel() - target) ** 2)))
     left = (torque @ (theta.ravel() - identified)).reshape(_STATES, n)
     return PossibleLinks(theta, exact, off, np.sqrt(np.mean(left**2, axis=0)))
-
-
-def _whitening(covariance: FloatArray) -> FloatArray:
-    """(b, b) W with W' W = C^-1."""
-    deviation = np.sqrt(np.diag(covariance))
-    power, axes = np.linalg.eigh(covariance / np.outer(deviation, deviation))
-    return np.asarray((axes / np.sqrt(np.maximum(power, _FLAT))).T / deviation)
 
 
 def _nearest(theta: FloatArray, inverse_rods: FloatArray, square: FloatArray, linear: FloatArray) -> FloatArray:

@@ -134,25 +134,21 @@ def _mistakes(arm: ArmKnowledge, run: Motion, mounting: str, mass_kg: float | No
     yield trial, _payload_text(_Carried(trial.x[place], trial.bread[place, place]), mounting, mass_kg, elsewhere)
     yield _scaled(arm, run, mounting)
     chain, n, coupling = arm.layout.chain, arm.layout.chain.n, arm.layout.coupling
+
+    def turned(joints: FloatArray, torques: FloatArray) -> Posterior:
+        return _fitted_to_run(arm, run.turned(joints, torques), mounting)
+
     for one, other in combinations(range(n), 2):
         swap = np.eye(n)
         swap[:, [one, other]] = swap[:, [other, one]]
-        yield (
-            _fitted_to_run(arm, run.turned(swap, at_axes(swap, coupling)), mounting),
-            f"joints {one + 1} and {other + 1} are exchanged",
-        )
+        yield turned(swap, at_axes(swap, coupling)), f"joints {one + 1} and {other + 1} are exchanged"
     for joint in range(n):
         turn = np.diag(np.where(np.arange(n) == joint, -1.0, 1.0))
-        yield (
-            _fitted_to_run(arm, run.turned(turn, np.eye(n)), mounting),
-            f"the position of joint {joint + 1} is inverted",
-        )
-        both = _fitted_to_run(arm, run.turned(turn, at_axes(turn, coupling)), mounting)
-        yield both, f"position and effort of joint {joint + 1} are inverted"
+        yield turned(turn, np.eye(n)), f"the position of joint {joint + 1} is inverted"
+        yield turned(turn, at_axes(turn, coupling)), f"position and effort of joint {joint + 1} are inverted"
     for how, gravity in directions(chain.gravity_m_s2).items():
-        mounted = chain.under(gravity)
-        turned = replace(arm, layout=replace(arm.layout, chain=mounted))
-        yield _fitted_to_run(turned, run, mounting), f"the arm was mounted {how} in this run"
+        mounted = replace(arm, layout=replace(arm.layout, chain=chain.under(gravity)))
+        yield _fitted_to_run(mounted, run, mounting), f"the arm was mounted {how} in this run"
 
 
 @dataclass(frozen=True, eq=False)

@@ -103,17 +103,14 @@ def fit_gains(problem: PayloadProblem, gains: Gains, prior: Prior | None) -> tup
     place = best.posterior.problem.place(GAIN)
     contrast = np.eye(best.posterior.problem.shared_size)[place]
     variance, freedom = best.posterior.spread(contrast)
-    return (
-        best.posterior,
-        GainFit(
-            log_gain=-best.posterior.value(GAIN),
-            half_width_95=student_half_width(freedom) * np.sqrt(variance),
-            contradicted=_unknown(best),
-            possible=np.isin(np.arange(assumed.size), [trial.unknown[0] for trial in right]),
-            disagree=bool(wrong) and len(right) != 1,
-            assumed_deviation=assumed,
-            noticeable=noticeable,
-        ),
+    return best.posterior, GainFit(
+        log_gain=-best.posterior.value(GAIN),
+        half_width_95=student_half_width(freedom) * np.sqrt(variance),
+        contradicted=_unknown(best),
+        possible=np.isin(np.arange(assumed.size), [trial.unknown[0] for trial in right]),
+        disagree=bool(wrong) and len(right) != 1,
+        assumed_deviation=assumed,
+        noticeable=noticeable,
     )
 
 

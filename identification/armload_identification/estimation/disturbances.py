@@ -150,10 +150,7 @@ class Disturbances:
         spread_rad = np.maximum(rows.position_rad.std(axis=0), _STEP_RAD)
         of_all = first_run_torque(found, body, lambda run, theta: _torque_by_zeros(run, chain, body, theta))
         of_one = first_run_torque(
-            found,
-            body,
-            lambda run, theta: np.concatenate([_by_tilts(run, chain, body, theta), _by_others(run, chain, spread_rad)]),
-            of_all=False,
+            found, body, lambda run, theta: _torque_in_one_run(run, chain, body, theta, spread_rad), of_all=False
         )
         torque_nm = [np.concatenate(both) for both in zip(of_all, of_one, strict=True)]
         level_nm = np.sqrt(np.mean((rows.effort_nm @ np.linalg.inv(body.coupling)) ** 2, axis=0))
@@ -226,10 +223,8 @@ class Disturbances:
         force = limits.usual_n, limits.worth_n, limits.most_n
         zeros = [Candidate(Disturbed.ZERO, joint, slice(joint, joint + 1), sags, *angle) for joint in range(n)]
         hoses = [
-            Candidate(
-                Disturbed.HOSE, joint, slice(n + 2 + joint, n + 3 + joint), 0.0, limits.worth_share * level, level
-            )
-            for joint, level in enumerate(self.level_nm.tolist())
+            Candidate(Disturbed.HOSE, at - n - 2, slice(at, at + 1), 0.0, limits.worth_share * level, level)
+            for at, level in enumerate(self.level_nm.tolist(), n + 2)
         ]
         tilt = Candidate(Disturbed.TILT, 0, slice(n, n + 2), limits.usual_rad, *angle)
         pull = Candidate(Disturbed.PULL, 0, slice(2 * n + 4, 2 * n + 5), *force)
@@ -275,17 +270,16 @@ def _torque_by_zeros(rows: ArmRows, chain: Chain, body: BodyModel, theta: FloatA
     return np.asarray((np.stack(others) - carried_nm) / _STEP_RAD)
 
 
-def _by_tilts(rows: ArmRows, chain: Chain, body: BodyModel, theta: FloatArray) -> FloatArray:
-    """(2, N, n) change of a run's joint torque per rad of each tilt of the base."""
-    return np.stack([carried_torque(side, body, theta, *_held(rows)) for side in sideways(chain)])
-
-
-def _by_others(rows: ArmRows, chain: Chain, spread_rad: FloatArray) -> FloatArray:
-    """(n + 3, N, n) joint torque of hoses per N m at (n,) positions from the middle, and of forces per N."""
+def _torque_in_one_run(
+    rows: ArmRows, chain: Chain, body: BodyModel, theta: FloatArray, spread_rad: FloatArray
+) -> FloatArray:
+    """(n + 5, N, n) joint torque: tilts per rad, hoses per N m at (n,) rad from the middle, and forces per N."""
+    still = np.zeros_like(rows.position_rad)
+    held, unit = (rows.position_rad, still, still), np.eye(1, PARAMETERS)[0]
+    tilts = (carried_torque(side, body, theta, *held) for side in sideways(chain))
     away = (rows.position_rad - rows.position_rad.mean(axis=0)) / spread_rad
-    unit = np.eye(1, PARAMETERS)[0]
-    forces = (payload_torque(chain.under(axis), unit, *_held(rows)) for axis in _force_axes(_down(chain)))
-    return np.stack([*(away * joint for joint in np.eye(chain.n)), *forces])
+    forces = (payload_torque(chain.under(axis), unit, *held) for axis in _force_axes(_down(chain)))
+    return np.stack([*tilts, *(away * joint for joint in np.eye(chain.n)), *forces])
 
 
 def _down(chain: Chain) -> FloatArray:
@@ -296,9 +290,3 @@ def _down(chain: Chain) -> FloatArray:
 def _force_axes(down: FloatArray) -> FloatArray:
     """(3, 3) directions of force: two sideways, and down."""
     return np.stack([*tilt_axes(down), down])
-
-
-def _held(rows: ArmRows) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(N, n) states of an arm that holds still at each position of a run."""
-    still = np.zeros_like(rows.position_rad)
-    return rows.position_rad, still, still

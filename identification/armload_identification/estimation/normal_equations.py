@@ -328,15 +328,9 @@ def eliminate(information: FloatArray, gradient: FloatArray, shared: int, axes: 
     right = np.column_stack([information[shared:, :shared], gradient[shared:], np.eye(own)])
     solution = solved(information[shared:, shared:], right)
     follow, own_step, inverse = solution[:, :shared], solution[:, shared], solution[:, shared + 1 :]
-    return Eliminated(
-        information[:shared, :shared] - information[:shared, shared:] @ follow,
-        gradient[:shared] - information[:shared, shared:] @ own_step,
-        follow,
-        own_step,
-        gradient[shared:],
-        inverse,
-        axes,
-    )
+    across = information[:shared, shared:]
+    left, pull = information[:shared, :shared] - across @ follow, gradient[:shared] - across @ own_step
+    return Eliminated(left, pull, follow, own_step, gradient[shared:], inverse, axes)
 
 
 def solved(information: FloatArray, right: FloatArray) -> FloatArray:

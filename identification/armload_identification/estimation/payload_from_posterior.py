@@ -197,19 +197,16 @@ class PayloadEstimate:
     def covariance(self) -> FloatArray:
         """(10, 10) of theta."""
         place = np.eye(self.posterior.problem.shared_size)[self._payload_place]
-        return np.asarray(
-            self.posterior.covariance_of(place) + self._errors_beside_posterior.T @ self._errors_beside_posterior
-        )
+        errors = self._errors_beside_posterior
+        return np.asarray(self.posterior.covariance_of(place) + errors.T @ errors)
 
     @cached_property
     def gain_slope(self) -> FloatArray:
         """(10, n) change of theta per change of the logarithm of each gain, the others and the rows as they are."""
         if self.considered.size:
             return np.asarray(-np.linalg.lstsq(self.considered_gains, self.considered)[0].T)
-        gains = self.posterior.problem.place(GAIN)
-        return np.asarray(
-            -self.posterior.bread[self._payload_place, gains] @ np.linalg.pinv(self.posterior.bread[gains, gains])
-        )
+        gains, bread = self.posterior.problem.place(GAIN), self.posterior.bread
+        return np.asarray(-bread[self._payload_place, gains] @ np.linalg.pinv(bread[gains, gains]))
 
     @cached_property
     def _errors_beside_posterior(self) -> FloatArray:

@@ -131,11 +131,10 @@ def pair_problem(
             groups.append(_slow_group(slow, window, layout))
             differences.append((slow, window))
     noise = _sampled_noise(effort_level(rows), differences, coupling)
-    if arm is not None:
-        problem = Problem(_known_arm(rows, layout, arm), groups, noise, coupling, [arm.known])
-        return PayloadProblem(problem, layout, signal.loaded.interval_s)
-    problem = Problem(_unknown_arm(rows, layout), groups, noise, coupling)
-    return PayloadProblem(problem, layout, signal.loaded.interval_s).with_gains(np.zeros((chain.n, chain.n)))
+    terms = _unknown_arm(rows, layout) if arm is None else _known_arm(rows, layout, arm)
+    problem = Problem(terms, groups, noise, coupling, [] if arm is None else [arm.known])
+    found = PayloadProblem(problem, layout, signal.loaded.interval_s)
+    return found.with_gains(np.zeros((chain.n, chain.n))) if arm is None else found
 
 
 def _sampled_noise(level_nm: FloatArray, parts: Sequence[tuple[LoadSignal, RowWindow]], coupling: FloatArray) -> Noise:

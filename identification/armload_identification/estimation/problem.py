@@ -255,12 +255,8 @@ class Problem:
     @property
     def adapts(self) -> bool:
         """Whether noise, weights or priors change from step to step."""
-        estimated = self.noise.robust or bool((self.noise.least_nm < self.noise.greatest_nm).any())
-        return (
-            estimated
-            or self.noise.correlation is None
-            or any(term.rescaled is not None or term.pooled is not None for term in self.terms)
-        )
+        noise, changing = self.noise, any(term.rescaled or term.pooled is not None for term in self.terms)
+        return changing or noise.robust or noise.correlation is None or bool((noise.least_nm < noise.greatest_nm).any())
 
     @cached_property
     def free(self) -> NDArray[np.bool_]:

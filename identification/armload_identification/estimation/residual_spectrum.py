@@ -97,11 +97,15 @@ class ResidualSpectrum:
         """(bins, n, k) power of the basis along contrast (k, r)."""
         return np.asarray(np.abs(self._basis @ contrast.T) ** 2)
 
+    def _spread(self, power: FloatArray) -> FloatArray:
+        """(bins, n, k) expected share of each bin of the periodogram in variances by (bins, n, k) power."""
+        gain = power * (self._twice[:, None] / self._free)[:, :, None]
+        share = _summed(gain / self._in_window[:, None, None], transposed=True)
+        return np.asarray(share * self._expected[:, :, None])
+
     def freedom(self, contrast: FloatArray) -> FloatArray:
         """(k,) Satterthwaite's degrees of freedom of these variances."""
-        gain = self._power_along(contrast) * (self._twice[:, None] / self._free)[:, :, None]
-        share = _summed(gain / self._in_window[:, None, None], transposed=True)
-        spread = share * self._expected[:, :, None]
+        spread = self._spread(self._power_along(contrast))
         # A bin of the periodogram has two degrees of freedom; the first and last have one.
         square = np.sum(spread**2 * (2.0 / self._twice)[:, None, None], axis=(0, 1))
         total = np.sum(spread, axis=(0, 1))
@@ -119,18 +123,20 @@ class ResidualSpectrum:
             Those of the Wishart matrix with that mean whose elements have the same scatter.
         """
         k = len(contrast)
-        size = np.sqrt(np.maximum(np.diag(total), 1e-300))
-        power, axes = np.linalg.eigh(total / np.outer(size, size))
-        to_unit = (axes / np.sqrt(np.maximum(power, _FLAT))).T / size
-        turned = self._basis @ (to_unit @ contrast).T
+        turned = self._basis @ (whitening(total, _FLAT) @ contrast).T
         rows, columns = np.triu_indices(k)
-        product = (turned[:, :, rows] * turned[:, :, columns].conj()).real
-        gain = product * (self._twice[:, None] / self._free)[:, :, None]
-        share = _summed(gain / self._in_window[:, None, None], transposed=True)
-        spread = (share * self._expected[:, :, None]) ** 2 * (2.0 / self._twice)[:, None, None]
+        spread = self._spread((turned[:, :, rows] * turned[:, :, columns].conj()).real)
+        spread = spread**2 * (2.0 / self._twice)[:, None, None]
         # Off the diagonal every element counts twice.
         scatter = np.sum(spread * np.where(rows == columns, 1.0, 2.0))
         return float(np.clip(k * (k + 1) / max(float(scatter), 1e-300), 1.0, FREEST))
+
+
+def whitening(covariance: FloatArray, flat: float) -> FloatArray:
+    """(k, k) W with W' W = C^-1; eigenvalues of the correlation matrix below `flat` count as that."""
+    size = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    power, axes = np.linalg.eigh(covariance / np.outer(size, size))
+    return np.asarray((axes / np.sqrt(np.maximum(power, flat))).T / size)
 
 
 def _summed(values: FloatArray, *, transposed: bool = False) -> FloatArray:

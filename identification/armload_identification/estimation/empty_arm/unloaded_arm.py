@@ -75,9 +75,8 @@ def fit_body(runs: Sequence[Motion], chain: Chain, coupling: FloatArray) -> Body
         if term.name != FRICTION_CHANGE
     ]
     terms.append(Term(_OFFSET, Scope.ARM, Joint(_offset), np.zeros(n), Priors.wide * level, "any"))
-    found = solve(
-        Problem(terms, [Group((RunRows(part),)) for part in rows], Noise.unknown(level), coupling), rough=True
-    )
+    problem = Problem(terms, [Group((RunRows(part),)) for part in rows], Noise.unknown(level), coupling)
+    found = solve(problem, rough=True)
     slowest = reversal_speed(np.vstack([run.states.velocity_rad_s for run in runs]))
     model = identified_body(found, arm.base, slowest, np.stack([np.zeros(n), np.zeros(n), found.value(_OFFSET)]))
     moving = np.vstack([run.reversal_weight[run.valid] for run in runs])
