@@ -152,8 +152,7 @@ class Search:
         self._slow = settings.slow
         self._step_s = periods.step_s
         self._reference_s = float(np.sqrt(periods.shortest_s * periods.longest_s))
-        half_span = 0.5 * float(np.log(periods.longest_s / periods.shortest_s))
-        self._half_span = half_span
+        self._half_span = 0.5 * float(np.log(periods.longest_s / periods.shortest_s))
         samples = _SAMPLES_PER_HARMONIC * harmonics
         times_s = np.arange(samples) * (self._reference_s / samples)
         frequency_hz = 1.0 / self._reference_s
@@ -285,13 +284,9 @@ class Search:
 
     def _trajectory(self, x: FloatArray) -> FourierTrajectory:
         coefficients = x[:-1].reshape(self._scale.shape) * self._scale
-        harmonics = self._harmonics
-        return FourierTrajectory(
-            float(np.exp(x[-1])) / self._reference_s,
-            coefficients[:, 0] + self._middle,
-            coefficients[:, 1 : 1 + harmonics],
-            coefficients[:, 1 + harmonics :],
-        )
+        offset, sine, cosine = np.split(coefficients, [1, 1 + self._harmonics], axis=1)
+        frequency_hz = float(np.exp(x[-1])) / self._reference_s
+        return FourierTrajectory(frequency_hz, offset[:, 0] + self._middle, sine, cosine)
 
     def _begun_nearby(self, x: FloatArray) -> FourierTrajectory:
         """The motion, begun where the way from the middle of the ranges is short and without whole turns of a joint.

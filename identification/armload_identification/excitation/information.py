@@ -105,7 +105,7 @@ class Criterion:
             costs.append(cost)
             gains.append(basis @ (vector * by_value) @ vector.T @ basis.T)
         if self.name == "a-optimal-max":
-            total, shares = _smooth_greatest(np.array(costs), SHARPNESS)
+            total, shares = _smooth_greatest(np.array(costs))
         else:
             total, shares = float(np.mean(costs)), np.full(len(costs), 1.0 / len(costs))
         by_phi = 2.0 * weighted @ sum(share * part for share, part in zip(shares, gains, strict=True))
@@ -138,7 +138,7 @@ class Criterion:
     def _smooth_cost(self, value: FloatArray) -> tuple[float, FloatArray]:
         """The smooth criterion from the eigenvalues (r,) of one information matrix, and its derivative by these."""
         if self.name == "condition-number":
-            (greatest, up), (least, down) = _smooth_greatest(value, SHARPNESS), _smooth_greatest(1.0 / value, SHARPNESS)
+            (greatest, up), (least, down) = _smooth_greatest(value), _smooth_greatest(1.0 / value)
             condition = float(np.sqrt(greatest * least))
             return condition, 0.5 * condition * (up / greatest - down / (least * value**2))
         if self.name == "d-optimal":
@@ -196,11 +196,11 @@ def _determines_everything(value: FloatArray) -> bool:
     return bool(value[0] > 1e-14 * value[-1])
 
 
-def _smooth_greatest(values: FloatArray, sharpness: int) -> tuple[float, FloatArray]:
-    """(sum x^k)^(1/k) of positive numbers, and its derivative by each."""
+def _smooth_greatest(values: FloatArray) -> tuple[float, FloatArray]:
+    """(sum x^k)^(1/k) of positive numbers with k = SHARPNESS, and its derivative by each."""
     greatest = values.max()
-    relative = (values / greatest) ** sharpness
-    total = float(greatest * np.sum(relative) ** (1.0 / sharpness))
+    relative = (values / greatest) ** SHARPNESS
+    total = float(greatest * np.sum(relative) ** (1.0 / SHARPNESS))
     return total, np.asarray(relative / np.sum(relative) * total / values)
 
 

@@ -55,11 +55,8 @@ class Chain:
         gravity = finite_array("gravity_m_s2", self.gravity_m_s2, (3,))
         _require_poses(np.concatenate([placement, flange[None]]))
         length = np.sqrt(np.sum(axis**2, axis=1))
-        for i in range(n):
-            if length[i] < _ROTATION_TOLERANCE:
-                raise ModelError(
-                    f"axis of joint {i + 1} is {axis[i].tolist()}; expected a direction, such as [0, 0, 1]"
-                )
+        for i in np.flatnonzero(length < _ROTATION_TOLERANCE):
+            raise ModelError(f"axis of joint {i + 1} is {axis[i].tolist()}; expected a direction, such as [0, 0, 1]")
         axis /= length[:, None]
         arrays = {"placement": placement, "axis": axis, "flange": flange, "gravity_m_s2": gravity}
         set_fields(self, arrays | {"packed": _pack(placement, axis, flange, gravity)})

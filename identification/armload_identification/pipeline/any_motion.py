@@ -93,9 +93,8 @@ def identify_alone(
     plain = plain.doubting(*disturbances.doubts())
     plain = replace(plain, shifts=np.vstack([plain.shifts, floor_kg / mass_kg * plain.theta]))
     signal = payload_signal(plain, motion, transmission)
-    friction_nm = added_friction(plain, signal)
     gains = transmission.gains(from_torque=run.from_torque)
-    result = completed(plain, None, signal, friction_nm, gains, run)
+    result = completed(plain, None, signal, added_friction(plain, signal), gains, run)
     return result.with_notes(*disturbance_notes(disturbances, "the calibration"), *notes_on(result, gains, arm))
 
 

@@ -115,11 +115,9 @@ def completed(
     """
     parameters = make_physical(plain)
     regressor = payload_regressor(plain.arm.layout.chain, *signal.loaded.states)
-    payload_nm = regressor @ plain.theta
     predicted_nm = regressor @ parameters.theta + friction_nm
     value = used.value if gains is None else used.value * np.exp(gains.log_gain)
     slope = derived(parameters)[1][:4]
-    velocity = signal.unloaded.states.velocity_rad_s
     state = plain.posterior.groups[0]
     row = np.minimum(np.searchsorted(state.group.time_s, signal.loaded.time_s), state.struck.size - 1)
     return Identification(
@@ -131,10 +129,10 @@ def completed(
         signal=signal,
         friction_nm=friction_nm,
         predicted_nm=predicted_nm,
-        residual_nm=signal.torque_nm - payload_nm - friction_nm,
+        residual_nm=signal.torque_nm - regressor @ plain.theta - friction_nm,
         struck=state.struck[row],
         residual_rms_nm=signal.raw_residual_rms(predicted_nm),
-        arm_friction=ArmFriction.of(plain.body(plain.runs - 1), velocity),
+        arm_friction=ArmFriction.of(plain.body(plain.runs - 1), signal.unloaded.states.velocity_rad_s),
         sources=tuple(run.recording.source for run in runs),
     )
 

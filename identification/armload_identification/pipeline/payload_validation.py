@@ -90,11 +90,8 @@ def validate_runs(
     try:
         measured = identify_runs(*pair, chain, gains, arm=arm)
     except NothingMounted as empty:
-        raise NoPayloadMass(
-            f"the payload cannot be judged by {pair[0].source.path}: in this run, {empty.statement}",
-            empty.mass_kg,
-            empty.half_width_kg,
-        ) from empty
+        text = f"the payload cannot be judged by {pair[0].source.path}: in this run, {empty.statement}"
+        raise NoPayloadMass(text, empty.mass_kg, empty.half_width_kg) from empty
     return judge(measured, chain, known_payload(payload), tolerance or Tolerance())
 
 

@@ -64,9 +64,7 @@ class RecordingSurvey:
     @property
     def effort_kind(self) -> str | None:
         """Kind of the effort: "joint torque", "motor current", or None."""
-        if self.effort is None:
-            return None
-        return EFFORT_NAMES[effort_used(self.recording)]
+        return None if self.effort is None else EFFORT_NAMES[effort_used(self.recording)]
 
 
 def survey(recording: Recording) -> RecordingSurvey:

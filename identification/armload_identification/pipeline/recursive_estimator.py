@@ -256,8 +256,7 @@ class PayloadEstimator:
         carried = payload_regressor(self._chain, q, dq, ddq) @ theta
         # not the measured torque, whose noise is that of the residual
         predicted = self.calibration.body.torque(self._chain, q, dq, ddq, carried)
-        (found, *seeming), information = seen.beside(
-            predicted, np.stack([tau - predicted, *changes]), _ROWS_PER_SENSITIVITY
-        )
+        torques = np.stack([tau - predicted, *changes])
+        (found, *seeming), information = seen.beside(predicted, torques, _ROWS_PER_SENSITIVITY)
         session = session.beside(found, float(np.sqrt(COLOUR / information + np.sum((errors @ seeming) ** 2))))
         return np.vstack([errors @ response, session.deviation * response[:n].sum(axis=0)]), session

@@ -134,14 +134,9 @@ class _Shapes:
         self._harmonics = int(np.clip(round(_FASTEST_HZ * period_s), 1, _MOST_HARMONICS))
         self._times_s = np.arange(_SAMPLES * self._harmonics) * (period_s / (_SAMPLES * self._harmonics))
         joints = self._envelope.joints
-        self._room = np.stack(
-            [
-                np.minimum(joints.position_max_rad - self._at, self._at - joints.position_min_rad),
-                joints.velocity_max_rad_s,
-                joints.acceleration_max_rad_s2,
-                joints.jerk_max_rad_s3,
-            ]
-        )
+        away = np.minimum(joints.position_max_rad - self._at, self._at - joints.position_min_rad)
+        rates = joints.velocity_max_rad_s, joints.acceleration_max_rad_s2, joints.jerk_max_rad_s3
+        self._room = np.stack([away, *rates])
         self._judged = np.array([max(round(_JUDGED_S / period_s), 1)], dtype=np.float64)
         self.tried = 0
 

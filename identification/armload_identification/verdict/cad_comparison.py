@@ -45,12 +45,8 @@ def compare_with_cad(payload: PayloadResult, cad: PayloadResult) -> RelativeErro
         Chen 2016, eq. (13), Table 2.
     """
     if payload.frame != cad.frame:
-        raise PayloadFileError(
-            "CAD file",
-            "payload.frame",
-            cad.frame,
-            f"expected {payload.frame!r}, the frame of the identified payload: both must be in the same frame",
-        )
+        expected = f"expected {payload.frame!r}, the frame of the identified payload: both must be in the same frame"
+        raise PayloadFileError("CAD file", "payload.frame", cad.frame, expected)
     estimate, truth = in_papers_convention(payload.model), in_papers_convention(cad.model)
     off = np.abs(estimate - truth)
     error = np.divide(off, np.abs(truth), out=np.where(off > 0.0, np.inf, 0.0), where=truth != 0.0)

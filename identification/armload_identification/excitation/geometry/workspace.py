@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import product
 from math import ceil
 
 import numpy as np
@@ -123,13 +124,10 @@ class Workspace:
     def __post_init__(self) -> None:
         self._require_sense()
         on_plane, on_box = self._pairs_to_check(self.half_spaces), self._pairs_to_check(self.boxes)
-        pairs = [
-            (a, b)
-            for first, second in self.apart
-            for a, one in enumerate(self.spheres)
-            for b, other in enumerate(self.spheres)
-            if (one.link, other.link) == (first, second)
+        of_link = [
+            [place for place, ball in enumerate(self.spheres) if ball.link == k] for k in range(self.chain.n + 2)
         ]
+        pairs = [pair for first, second in self.apart for pair in product(of_link[first], of_link[second])]
         obstacles = [(s, self.half_spaces[k].name) for s, k in on_plane] + [(s, self.boxes[k].name) for s, k in on_box]
         names = [name for _, name in obstacles]
         names += [self._pair_name(self.spheres[a].link, self.spheres[b].link) for a, b in pairs]

@@ -253,15 +253,10 @@ class _LinksAndFriction:
         speed = states[1]
         weight, direction = reversal_weights(states[0], speed)[rows], smooth_sign(dq, reversal_speed(speed))
         torque = run.torque_nm[rows]
-        own = np.hstack([direction, dq, np.ones_like(dq)])
-        columns = np.concatenate(
-            [
-                body_regressor(chain, q, dq, ddq)[:, :, base[: PARAMETERS * n]],
-                rotor_columns(ddq, coupling).transpose(0, 2, 1)[:, :, base[PARAMETERS * n :]],
-                own[:, None, :] * np.tile(np.eye(n), 3),
-            ],
-            axis=2,
-        )
+        links = body_regressor(chain, q, dq, ddq)[:, :, base[: PARAMETERS * n]]
+        rotors = rotor_columns(ddq, coupling).transpose(0, 2, 1)[:, :, base[PARAMETERS * n :]]
+        of_friction = np.hstack([direction, dq, np.ones_like(dq)])[:, None, :] * np.tile(np.eye(n), 3)
+        columns = np.concatenate([links, rotors, of_friction], axis=2)
         level = np.sqrt(np.mean((torque * weight) ** 2, axis=0))
         weight = weight / np.where(level > 0.0, level, np.inf)
         whole = (columns * weight[:, :, None]).reshape(-1, columns.shape[2])

@@ -197,9 +197,8 @@ def check_scales(
         within = np.abs(scales.scale - 1.0) + certain < greatest - 1.0
         # A joint almost free of noise determines the payload alone: then it is the others that seem wrong.
         alone = within.any() and np.count_nonzero(beyond) > np.count_nonzero(within)
-        raise _contradiction_error(
-            within if alone else beyond, above=not alone and bool((scales.scale[beyond] > 1.0).all())
-        )
+        above = not alone and bool((scales.scale[beyond] > 1.0).all())
+        raise _contradiction_error(within if alone else beyond, above=above)
 
 
 def _refuse_opposite(signal: LoadSignal, regressor: FloatArray, others: FloatArray, joint: int) -> None:

@@ -191,11 +191,8 @@ def _refuse_saturation(run: Run) -> None:
 def _refuse_stuck(run: Run) -> None:
     """Raise for a run in which a joint moves back and forth while its torque stays the same: friction would change."""
     rows, repeats = run.recording, run.repeats
-    range_rad = np.ptp(rows.position_rad, axis=0)
-    stuck = _moves(run) & (
-        repeats.turned_rad > np.maximum(RunLevels.evident_travel_rad, RunLevels.stuck_share * range_rad)
-    )
-    for joint in np.flatnonzero(stuck):
+    far_rad = np.maximum(RunLevels.evident_travel_rad, RunLevels.stuck_share * np.ptp(rows.position_rad, axis=0))
+    for joint in np.flatnonzero(_moves(run) & (repeats.turned_rad > far_rad)):
         raise RecordingError(
             f"{rows.source.path}: joint {joint + 1} moves back and forth by {repeats.turned_rad[joint]:.2g} rad, but "
             f"its current or torque stays at {repeats.turned_at[joint]:.4g} for {repeats.turned_for[joint]:.0f} "
