@@ -268,9 +268,5 @@ def parse_calibration(content: str, source: str = "calibration") -> ArmCalibrati
 def _require_width(source: str, written: FloatArray, wanted: FloatArray) -> None:
     """Raise if the intervals do not agree with the covariance."""
     if not np.allclose(written, wanted, rtol=_WIDTH_TOLERANCE, atol=0.0):
-        raise CalibrationFileError(
-            source,
-            "gains.half_width_95",
-            written.tolist(),
-            f"expected the value from [uncertainty], {wanted.round(6).tolist()}; calibrate again instead of editing",
-        )
+        instead = f"the value from [uncertainty], {wanted.round(6).tolist()}; calibrate again instead of editing"
+        raise CalibrationFileError(source, "gains.half_width_95", written.tolist(), f"expected {instead}")

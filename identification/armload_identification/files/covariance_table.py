@@ -64,14 +64,13 @@ def covariance_lines(known: MassCenterCovariance | None) -> list[str]:
     if known is None:
         return []
     slope = [[float(f"{value:.3e}") for value in row] for row in known.calibration_slope]
-    calibration = {"calibration_slope": np.array(slope)} if known.calibration_slope.size else {}
+    entries = {"mass_center": known.measured, "degrees_of_freedom": known.freedom}
+    entries |= {"calibration_slope": np.array(slope)} if known.calibration_slope.size else {}
     lines = [
         "# Of [mass, cx, cy, cz] in kg and m, without the share of the drive gains, which results obtained with the",
         "# same gains have in common. slope: change of the four per change of the logarithm of each gain; covariance:",
         "# of these logarithms. calibration_slope: change per standard deviation of each other error of a calibration.",
-        *toml_text.table(
-            "covariance", {"mass_center": known.measured, "degrees_of_freedom": known.freedom, **calibration}
-        ),
+        *toml_text.table("covariance", entries),
     ]
     if known.gain_nm_a.size:
         gains = {"gain_nm_a": known.gain_nm_a, "slope": known.gain_slope, "covariance": known.gain_covariance}

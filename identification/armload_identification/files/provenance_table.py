@@ -34,7 +34,6 @@ def provenance_lines(provenance: Provenance) -> list[str]:
     for key in ("calibration_sha256", "recordings_sha256", "validation_sha256"):
         hashes = getattr(provenance, key)
         if hashes or key == "recordings_sha256":
-            lines += toml_text.table(
-                f"provenance.{key}", {toml_text.value(name): sha256 for name, sha256 in hashes.items()}
-            )
+            quoted = {toml_text.value(name): sha256 for name, sha256 in hashes.items()}
+            lines += toml_text.table(f"provenance.{key}", quoted)
     return lines

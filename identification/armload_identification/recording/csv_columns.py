@@ -79,9 +79,8 @@ class CsvColumns:
         Args:
             factors: Factor on what the columns are read as now, by quantity.
         """
-        return replace(
-            self, scale={**self.scale, **{name: self.scale.get(name, 1.0) * f for name, f in factors.items()}}
-        )
+        changed = {name: self.scale.get(name, 1.0) * factor for name, factor in factors.items()}
+        return replace(self, scale={**self.scale, **changed})
 
     def option(self, names: Sequence[str]) -> str:
         """The command-line option that says the same, with numbers of columns.

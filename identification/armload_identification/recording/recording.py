@@ -224,10 +224,9 @@ class Recording(RowBlock):
             >>> run.n, run.source.rows_dropped
             (2, 0)
         """
-        given = dict(
-            zip(QUANTITIES, (time_s, position_rad, velocity_rad_s, current_a, torque_nm, phase_s), strict=True)
-        )
-        arrays = {key: np.array(value, dtype=np.float64) for key, value in given.items() if value is not None}
+        values = time_s, position_rad, velocity_rad_s, current_a, torque_nm, phase_s
+        given = zip(QUANTITIES, values, strict=True)
+        arrays = {key: np.array(value, dtype=np.float64) for key, value in given if value is not None}
         require_shapes(name, arrays)
         if (phase_s is None) != (excitation is None):
             raise RecordingError(f"{name}: phase_s and excitation belong together; give both or neither")

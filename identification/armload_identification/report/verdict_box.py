@@ -36,12 +36,8 @@ def verdict_box(validation: Validation | None, names: Sequence[str]) -> VerdictB
         names: Names of the joints.
     """
     if validation is None:
-        return VerdictBox(
-            "missing",
-            "Not validated",
-            "No second pair of runs was given, so it is unknown how well this payload predicts another motion.",
-        )
-    outcome = validation.verdict.outcome
-    return VerdictBox(
-        _KINDS[outcome], title(validation.verdict), " ".join(sentences(validation.verdict, names)).replace("+-", "±")
-    )
+        text = "No second pair of runs was given, so it is unknown how well this payload predicts another motion."
+        return VerdictBox("missing", "Not validated", text)
+    verdict = validation.verdict
+    text = " ".join(sentences(verdict, names)).replace("+-", "±")
+    return VerdictBox(_KINDS[verdict.outcome], title(verdict), text)

@@ -48,46 +48,44 @@ class ArmHistory(PrintedResult, ComparedRuns):
     def to_dict(self) -> dict[str, Any]:
         """Everything as numbers, texts, lists and dictionaries: the schema `armload/drift/1`."""
         drift = self.drift
-        return json_document(
-            "drift",
-            {
-                "robot": self.robot,
-                "calibration": self.calibration_name,
-                "out_of_date": drift.out_of_date,
-                "advice": self.advice,
-                "runs": [
-                    {
-                        "name": run.name,
-                        "began": drift.began[number].isoformat() if drift.began else None,
-                        "length_s": run.length_s,
-                        "carried": run.carried,
-                    }
-                    for number, run in enumerate(drift.runs)
-                ],
-                "joints": [
-                    {
-                        "name": name,
-                        "friction_nm": float(drift.friction_nm[joint]),
-                        "warm_up_nm": self._warming_nm(joint),
-                        "charts": {quantity.value: self._chart(quantity, joint) for quantity in Monitored},
-                    }
-                    for joint, name in enumerate(self.joint_names)
-                ],
-                "findings": [
-                    {
-                        "joint": self.joint_names[found.joint],
-                        "figure": found.quantity.value,
-                        "run": drift.runs[found.run].name,
-                        "alone": found.alone,
-                        "before": float(_linear(found.quantity, found.before)),
-                        "after": float(_linear(found.quantity, found.after)),
-                        "text": found.text,
-                    }
-                    for found in drift.findings
-                ],
-                "left_out": [{"name": name, "reason": reason} for name, reason in self.left_out],
-            },
-        )
+        fields = {
+            "robot": self.robot,
+            "calibration": self.calibration_name,
+            "out_of_date": drift.out_of_date,
+            "advice": self.advice,
+            "runs": [
+                {
+                    "name": run.name,
+                    "began": drift.began[number].isoformat() if drift.began else None,
+                    "length_s": run.length_s,
+                    "carried": run.carried,
+                }
+                for number, run in enumerate(drift.runs)
+            ],
+            "joints": [
+                {
+                    "name": name,
+                    "friction_nm": float(drift.friction_nm[joint]),
+                    "warm_up_nm": self._warming_nm(joint),
+                    "charts": {quantity.value: self._chart(quantity, joint) for quantity in Monitored},
+                }
+                for joint, name in enumerate(self.joint_names)
+            ],
+            "findings": [
+                {
+                    "joint": self.joint_names[found.joint],
+                    "figure": found.quantity.value,
+                    "run": drift.runs[found.run].name,
+                    "alone": found.alone,
+                    "before": float(_linear(found.quantity, found.before)),
+                    "after": float(_linear(found.quantity, found.after)),
+                    "text": found.text,
+                }
+                for found in drift.findings
+            ],
+            "left_out": [{"name": name, "reason": reason} for name, reason in self.left_out],
+        }
+        return json_document("drift", fields)
 
     def _chart(self, quantity: Monitored, joint: int) -> dict[str, Any]:
         """A chart; None for unknown values."""

@@ -100,14 +100,12 @@ class CalibratedArm(PrintedResult):
             }
             for j, name in enumerate(self.joint_names)
         ]
-        return json_document(
-            "calibration",
-            {
-                "robot": result.robot,
-                "gain_unit": "N m/A" if result.effort is Effort.CURRENT else "N m/(N m)",
-                "joints": joints,
-                "runs": [{"name": run.name, "mounting": run.mounting or None, "off": run.off} for run in result.runs],
-                "left_out": [{"name": name, "reason": reason} for name, reason in result.left_out],
-                "warnings": list(result.warnings),
-            },
-        )
+        fields = {
+            "robot": result.robot,
+            "gain_unit": "N m/A" if result.effort is Effort.CURRENT else "N m/(N m)",
+            "joints": joints,
+            "runs": [{"name": run.name, "mounting": run.mounting or None, "off": run.off} for run in result.runs],
+            "left_out": [{"name": name, "reason": reason} for name, reason in result.left_out],
+            "warnings": list(result.warnings),
+        }
+        return json_document("calibration", fields)

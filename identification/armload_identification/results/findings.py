@@ -36,12 +36,8 @@ class Findings(PrintedResult, ReportedPayload):
     @property
     def intervals(self) -> dict[str, tuple[float, float] | None]:
         """95 % interval by parameter ("mass", "cx", ..., "iyz") in kg, m and kg m2; None where not determined."""
-        return {
-            name: (float(low), float(high)) if known else None
-            for name, known, (low, high) in zip(
-                PARAMETER_NAMES, self.payload.determined, self.payload.interval_95, strict=True
-            )
-        }
+        rows = zip(PARAMETER_NAMES, self.payload.determined, self.payload.interval_95.tolist(), strict=True)
+        return {name: (low, high) if known else None for name, known, (low, high) in rows}
 
     @property
     def outcome(self) -> Outcome | None:
@@ -90,8 +86,6 @@ class Findings(PrintedResult, ReportedPayload):
 
     def table(self) -> ResultTable:
         """Values, intervals, verdict and notes."""
-        notes = (f"note: {note}" for note in self.notes)
+        sentences = f"{self.verdict.title}. {self.verdict.text}", *(f"note: {note}" for note in self.notes)
         title = f"Payload of {self.arm.name} in the {self.payload.frame} frame, inertia about its centre of mass"
-        return replace(
-            self.payload.table(), title=title, sentences=(f"{self.verdict.title}. {self.verdict.text}", *notes)
-        )
+        return replace(self.payload.table(), title=title, sentences=sentences)

@@ -64,11 +64,5 @@ class PayloadComparison(PrintedResult):
             name: {"cad": cad, "estimate": estimate if known else None, "error": error if known else None}
             for name, cad, estimate, error, known in rows
         }
-        return json_document(
-            "comparison",
-            {
-                "frame": self.errors.frame,
-                "parameters": parameters,
-                **agreement_fields(self.agreement),
-            },
-        )
+        fields = {"frame": self.errors.frame, "parameters": parameters, **agreement_fields(self.agreement)}
+        return json_document("comparison", fields)

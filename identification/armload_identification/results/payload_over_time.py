@@ -30,14 +30,8 @@ class PayloadOverTime(PrintedResult):
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as numbers, texts, lists and dictionaries: the schema `armload/windows/1`."""
-        return json_document(
-            "windows",
-            {
-                "robot": self.robot,
-                "recording": str(self.source.path),
-                "windows": [_window(window) for window in self.windows],
-            },
-        )
+        windows = [_window(window) for window in self.windows]
+        return json_document("windows", {"robot": self.robot, "recording": str(self.source.path), "windows": windows})
 
     def picture(self, path: str | PathLike[str]) -> None:
         """Draw mass and its 95 % interval over time, .png, .svg or .pdf; an existing file is replaced.

@@ -40,9 +40,8 @@ def draw_control_chart(
         drawn: Converts the chart's values to those of the axis.
     """
     known = np.isfinite(chart.values)
-    axes.fill_between(
-        place[known], drawn(-chart.limit[known]), drawn(chart.limit[known]), color=LIGHT_GREY, linewidth=0
-    )
+    low, high = drawn(-chart.limit[known]), drawn(chart.limit[known])
+    axes.fill_between(place[known], low, high, color=LIGHT_GREY, linewidth=0)
     axes.plot(place[known], drawn(chart.level[known]), color=INK, linewidth=0.7, drawstyle="steps-post")
     loud = chart.outside | chart.alone
     for rows, color, marker in ((known & ~loud, BLUE, "o"), (known & loud, VERMILION, "D")):
