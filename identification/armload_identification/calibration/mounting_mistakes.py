@@ -56,8 +56,7 @@ def refuse_other_mounting(shares: ResidualShares, chain: Chain, coupling: FloatA
         return
     found = {}
     for how, gravity in directions(chain.gravity_m_s2).items():
-        hung = chain.under(gravity)
-        found[how] = float(shares(hung, lambda run: run).mean())
+        found[how] = float(shares(chain.under(gravity), lambda run: run).mean())
     best = min(found, key=lambda how: found[how])
     if found[best] >= np.log(OtherMounting.little) and as_configured.max() > np.log(OtherMounting.much):
         turned = _turned_joints(partial(shares, chain), coupling, moves)

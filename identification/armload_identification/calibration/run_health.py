@@ -119,8 +119,7 @@ def run_health(
     """
     calibration.require_arm(chain, transmission.coupling)
     with threadpool_limits(1):
-        gains = calibration.transmission(transmission)
-        (run,) = usable_runs([recording], chain.n, gains, calibration.effort)
+        (run,) = usable_runs([recording], chain.n, calibration.transmission(transmission), calibration.effort)
         fit = _RunFit(motion_with_rows(run), calibration, chain, mounting)
         return fit.health(recording.source.path.name, recorded or run_start_text(recording))
 

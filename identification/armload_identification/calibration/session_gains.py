@@ -107,8 +107,7 @@ class SessionGains:
             transmission: Nominal gains, and coupling.
             loaded: Whether it carried the payload; else nothing.
         """
-        carried = KnownPayload() if loaded else None
-        return self.beside(*_factor_in(run, calibration, chain, transmission, carried))
+        return self.beside(*_factor_in(run, calibration, chain, transmission, KnownPayload() if loaded else None))
 
     def beside(self, said: float, deviation: float) -> SessionGains:
         """The same from what a motion with the gains of this session says of an error of the factor.

@@ -104,8 +104,7 @@ class ForceWatch:
     """
 
     def __init__(self, calibration: ArmCalibration, chain: Chain, transmission: Transmission) -> None:
-        constants = estimator_constants(calibration, chain, transmission)
-        self._maker = RowMaker(calibration, chain, constants.from_effort)
+        self._maker = RowMaker(calibration, chain, estimator_constants(calibration, chain, transmission).from_effort)
         self._know_nothing(calibration.known_arm.noise_nm**2)
         self._rows = ForceRows.none(chain.n)
         self._noticed_s = self._evident_s = self._before_s = 0.0

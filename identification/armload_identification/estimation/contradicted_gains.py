@@ -100,8 +100,7 @@ def fit_gains(problem: PayloadProblem, gains: Gains, prior: Prior | None) -> tup
     right = [alone[axis] for axis in wrong if _explains(alone[axis], assumed)]
     if len(right) == 1:
         best = right[0]
-    place = best.posterior.problem.place(GAIN)
-    contrast = np.eye(best.posterior.problem.shared_size)[place]
+    contrast = np.eye(best.posterior.problem.shared_size)[best.posterior.problem.place(GAIN)]
     variance, freedom = best.posterior.spread(contrast)
     return best.posterior, GainFit(
         log_gain=-best.posterior.value(GAIN),

@@ -200,8 +200,7 @@ class GroupState:
             columns, place = joined_columns(of_runs)
             at = np.searchsorted(free, place)
             kept = free[np.minimum(at, free.size - 1)] == place
-            mixed = self.group.mixed(columns[:, :, kept])
-            for combination, rows in enumerate(mixed):
+            for combination, rows in enumerate(self.group.mixed(columns[:, :, kept])):
                 of_rows = weight[combination, :, axis]
                 target = self.residual_nm[combination, :, axis] * of_rows
                 yield WeightedRows(combination, axis, rows * of_rows[:, None], target, of_rows, at[kept])
@@ -256,8 +255,7 @@ def torque_at(rows: ArmRows, terms: Placed, x: FloatArray, coupling: FloatArray)
         axis_nm += (level + moved[0] * rate) * x[place]
         motor_rate_nm += rate * x[place]
     gain = np.exp(sum((x[place] for _, place in _acting(terms, Shared.GAIN)), np.zeros(rows.n)))
-    predicted = np.asarray(gain * axis_nm)
-    return TorqueAt(predicted, gain, factor, moved, moved_nm, motor_rate_nm, loads, joints, motors)
+    return TorqueAt(np.asarray(gain * axis_nm), gain, factor, moved, moved_nm, motor_rate_nm, loads, joints, motors)
 
 
 def torque_derivatives(at: TorqueAt, terms: Placed, coupling: FloatArray) -> Iterator[AxisColumns]:

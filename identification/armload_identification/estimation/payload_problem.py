@@ -189,8 +189,7 @@ def single_problem(run: Motion, chain: Chain, coupling: FloatArray, arm: KnownAr
     """
     layout = _layout([run], chain, coupling, arm)
     rows = layout.rows(run, loaded=True)
-    level = effort_level([rows])
-    noise = Noise(arm.noise_nm, arm.noise_nm, level + arm.noise_nm)
+    noise = Noise(arm.noise_nm, arm.noise_nm, effort_level([rows]) + arm.noise_nm)
     group = Group((RunRows(rows, PAYLOAD),))
     problem = Problem(_known_arm([rows], layout, arm), [group], noise, coupling, [arm.known])
     return PayloadProblem(problem, layout, run.interval_s)

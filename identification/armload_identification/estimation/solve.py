@@ -219,11 +219,10 @@ class _Solver:
         """The posterior at the present unknowns."""
         known, _ = self._prior_equations()
         parts = self._eliminated()
-        information = known + np.sum([part.information for part in parts], axis=0)
         return Posterior(
             problem=self._problem,
             x=self._x,
-            information=information,
+            information=known + np.sum([part.information for part in parts], axis=0),
             known=known,
             noise_nm=self._noise,
             residual_nm=self._residual,

@@ -190,8 +190,7 @@ class Envelope:
         Args:
             trajectory: One period of the motion.
         """
-        worst = self.worst(trajectory)
-        joints, torque, clearance, fast = self._by_kind(worst)
+        joints, torque, clearance, fast = self._by_kind(self.worst(trajectory))
         room = -joints.reshape(_ORDERS, -1) * self._room[:, 0]
         in_torque = (-torque * self._available).reshape(self.torque.cases, -1).min(axis=0)
         nearest: dict[str, float] = {}

@@ -37,8 +37,7 @@ def reader_of(path: Path, options: ReadingOptions) -> RecordingReader:
     Raises:
         RecordingError: it cannot be opened, is empty, or has an unknown format.
     """
-    start = b"" if path.is_dir() else _start_of(path)
-    reader = _reader(path, start, options)
+    reader = _reader(path, b"" if path.is_dir() else _start_of(path), options)
     if reader is not None and options.episode is not None and reader.kind != "parquet":
         raise RecordingError(f"{path}: has no episodes, unlike a LeRobot data set. Omit `episode=`.")
     if reader is not None:

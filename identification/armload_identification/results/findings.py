@@ -51,8 +51,7 @@ class Findings(PrintedResult, ReportedPayload):
 
     def with_validation_in_provenance(self) -> Findings:
         """The same with the recordings of the validation added to the payload's provenance."""
-        hashes = hashes_by_name(self.sources[1])
-        provenance = replace(self.payload.provenance, validation_sha256=hashes)
+        provenance = replace(self.payload.provenance, validation_sha256=hashes_by_name(self.sources[1]))
         return replace(self, payload=replace(self.payload, provenance=provenance))
 
     def save(self, path: str | PathLike[str]) -> None:

@@ -180,5 +180,4 @@ def _supported_harmonics(spectrum: NDArray[np.complex128], least: int, phases: i
     # The sum of logarithms prevents joints with a large stroke from dominating.
     logarithms = np.log(np.maximum(left, SplineFit.negligible_rad**2))
     penalty = 2.0 * left.shape[1] * np.log(np.maximum(freedom, PeriodSeries.least_freedom))
-    score = np.sum(logarithms, axis=1) - penalty
-    return int(harmonics[np.argmin(score)])
+    return int(harmonics[np.argmin(np.sum(logarithms, axis=1) - penalty)])

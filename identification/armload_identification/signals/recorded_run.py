@@ -197,11 +197,10 @@ class Run:
         after = np.clip(np.searchsorted(stamps_s, moment_s), 1, stamps_s.size - 1)
         apart_s = stamps_s[after] - stamps_s[after - 1]
         share = np.clip((moment_s - stamps_s[after - 1]) / apart_s, 0.0, 1.0)
-        spline = self.path.spline
         return Motion(
             time_s=grid.elapsed_s - grid.elapsed_s[0],
             periodic=False,
-            states=JointStates(*(spline(grid.elapsed_s, order) for order in range(3))),
+            states=JointStates(*(self.path.spline(grid.elapsed_s, order) for order in range(3))),
             raw_nm=raw,
             torque_nm=smoothed,
             valid=apart_s <= max(LowPass.hole / grid.cutoff_hz, LowPass.uneven * grid.interval_s),

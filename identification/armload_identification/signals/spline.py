@@ -101,8 +101,7 @@ def _knots(elapsed: FloatArray, spacing_s: float) -> FloatArray:
     """Knots of a spline; gaps in the data contain none, so that samples determine every coefficient."""
     pieces = max(1, round(elapsed[-1] / spacing_s))
     edges = np.linspace(0.0, elapsed[-1], pieces + 1)
-    counts = np.histogram(elapsed, edges)[0]
-    enough = counts >= SplineFit.samples_per_coefficient
+    enough = np.histogram(elapsed, edges)[0] >= SplineFit.samples_per_coefficient
     inner = edges[1:-1][enough[:-1] & enough[1:]]
     ends = SplineFit.degree + 1
     return np.concatenate([[0.0] * ends, inner, [elapsed[-1]] * ends])

@@ -104,8 +104,7 @@ def control_chart(values: FloatArray, noise: FloatArray, doubt: FloatArray, usua
 
     full = np.full((4, values.size), np.nan)
     full[:, shown] = deviation, limit, level, alone
-    outside = np.abs(values) > full[1]
-    return ControlChart(values, full[0], full[1], outside, full[3] == 1.0, full[2], tuple(changes))
+    return ControlChart(values, full[0], full[1], np.abs(values) > full[1], full[3] == 1.0, full[2], tuple(changes))
 
 
 def _deviation_between_runs(values: FloatArray, noise: FloatArray, usual: float) -> float:

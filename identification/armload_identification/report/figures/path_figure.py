@@ -148,9 +148,8 @@ def _outline(box: Box, plane: tuple[int, int]) -> FloatArray:
 def _draw_limit_use(axes: Axes, trajectory: FourierTrajectory, envelope: Envelope, names: tuple[str, ...]) -> None:
     """Use of every limit in per cent, and the clearances."""
     joints, room = envelope.joints, envelope.margins(trajectory)
-    half = 0.5 * (joints.position_max_rad - joints.position_min_rad)
     limits = {
-        "range": (room.position_rad, half),
+        "range": (room.position_rad, 0.5 * (joints.position_max_rad - joints.position_min_rad)),
         "speed": (room.velocity_rad_s, joints.velocity_max_rad_s),
         "accel.": (room.acceleration_rad_s2, joints.acceleration_max_rad_s2),
         "jerk": (room.jerk_rad_s3, joints.jerk_max_rad_s3),

@@ -300,5 +300,4 @@ class _LinksAndFriction:
         left = (columns.ravel() @ self._left).reshape(-1, self._n)
         spectrum = ResidualSpectrum(self._basis, left, self._weight)
         quantile = student_half_width(spectrum.freedom(self._friction)) / NORMAL_HALF_WIDTH
-        level = FalseAlarms.deviations(self._n)
-        return np.asarray(level * quantile * np.sqrt(spectrum.variance(self._friction)))
+        return np.asarray(FalseAlarms.deviations(self._n) * quantile * np.sqrt(spectrum.variance(self._friction)))

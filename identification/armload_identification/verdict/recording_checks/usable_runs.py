@@ -119,8 +119,7 @@ def _refuse_velocity(run: Run) -> None:
     follows = moves & (np.sum(change * expected, axis=0) > Correlations.same * size)
     for what, factor in (("positions", 180.0 / np.pi), ("velocities", np.pi / 180.0)):
         degrees = follows & (np.abs(np.log(np.where(follows, times, 1.0) / factor)) < RunLevels.degree_within)
-        if degrees.any():
-            joint = int(np.flatnonzero(degrees)[0])
+        for joint in np.flatnonzero(degrees):
             raise RecordingError(
                 f"{rows.source.path}: joint {joint + 1} moves {times[joint]:.3g} times as fast as its velocity "
                 f"indicates. Its {what} look like degrees: convert them to radians."
@@ -156,11 +155,10 @@ def _changes(run: Recording, rate: FloatArray) -> tuple[FloatArray, FloatArray, 
 def _refuse_constant(run: Run) -> None:
     """Raise for a joint that moves while its torque does not change at all."""
     measured = reported_effort(run.recording)
-    still = np.flatnonzero(_moves(run) & (np.ptp(measured, axis=0) == 0.0))
-    if still.size:
+    for joint in np.flatnonzero(_moves(run) & (np.ptp(measured, axis=0) == 0.0)):
         raise RecordingError(
-            f"{run.recording.source.path}: joint {still[0] + 1} moves, but its current or torque is constant at "
-            f"{measured[0, still[0]]:g}. Check the mapping of its 6077 or 6078, or the column map."
+            f"{run.recording.source.path}: joint {joint + 1} moves, but its current or torque is constant at "
+            f"{measured[0, joint]:g}. Check the mapping of its 6077 or 6078, or the column map."
         )
 
 
@@ -179,8 +177,7 @@ def _refuse_saturation(run: Run) -> None:
     """Raise for a run in which a moving joint's torque stays at its greatest value, longer than at any other."""
     rows, repeats = run.recording, run.repeats
     by_chance = np.maximum(RunLevels.saturated_repeats, RunLevels.saturated_over_others * repeats.elsewhere)
-    stays = repeats.at_bound >= by_chance
-    for joint in np.flatnonzero(_moves(run) & stays):
+    for joint in np.flatnonzero(_moves(run) & (repeats.at_bound >= by_chance)):
         raise RecordingError(
             f"{rows.source.path}: joint {joint + 1} stays at its maximum of {repeats.bound[joint]:.4g} for "
             f"{repeats.at_bound[joint] + 1:.0f} samples in a row: the drive or the measurement is saturated, so the "
