@@ -94,9 +94,8 @@ def explain(arm: ArmKnowledge, run: Motion, mounting: str, mass_kg: float | None
     start = f"joint {worst + 1} is off by {off[worst]:.0f} times the noise of the other runs"
     # If no other run carries this payload, it is fitted in every trial; another payload is therefore preferred unless a
     # mistake explains much more.
-    payload, *others = [
-        (float(trial.deviates(0).max()), text) for trial, text in _mistakes(arm, run, mounting, mass_kg)
-    ]
+    mistakes = _mistakes(arm, run, mounting, mass_kg)
+    payload, *others = [(float(trial.deviates(0).max()), text) for trial, text in mistakes]
     best, text = min(others, key=lambda pair: pair[0])
     if payload[0] < best / Contradiction.better:
         best, text = payload
@@ -184,9 +183,8 @@ def _payload_text(found: _Carried, mounting: str, mass_kg: float | None, elsewhe
                 f"{1e3 * float(np.sqrt(apart @ apart)):.0f} mm from where it is in the other runs of "
                 f"'{mounting}': give it a mounting name of its own"
             )
-        if abs(found_kg - elsewhere_kg) < Calibrating.disagrees * np.sqrt(
-            found.covariance[0, 0] + elsewhere.covariance[0, 0]
-        ):
+        deviation_kg = np.sqrt(found.covariance[0, 0] + elsewhere.covariance[0, 0])
+        if abs(found_kg - elsewhere_kg) < Calibrating.disagrees * deviation_kg:
             return (
                 f"the inertia of its payload differs from that in the other runs of '{mounting}': give it a mounting "
                 "name of its own"

@@ -156,9 +156,8 @@ class RowMaker:
         )
         tau = np.tensordot(windows[:, 1:-1, 1 + n :], _SEEN_ACCELERATION, (1, 0))
         direction = smooth_sign(dq, body.reversal_speed_rad_s)
-        columns, through, links, carried = known_arm_columns(
-            self.chain, body, self._spread, self.scale, JointStates(q, dq, ddq), theta
-        )
+        states = JointStates(q, dq, ddq)
+        columns, through, links, carried = known_arm_columns(self.chain, body, self._spread, self.scale, states, theta)
         steady = body.coulomb_nm + body.root_nm * np.sqrt(np.abs(dq))
         friction = direction * steady + body.viscous_nm_s_rad * dq + body.offset_nm
         shaken = dq * _scatter_per_s(windows[:, :, 1 : 1 + n] - powers @ cubic, dq, normal, span)[:, None]

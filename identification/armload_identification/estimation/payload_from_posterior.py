@@ -231,8 +231,7 @@ class PayloadEstimate:
         apart = seen_slope @ (self.considered + self.considered_gains @ self.gain_slope.T).T
         unseen = np.vstack([self.considered_gains, self.uneven_gains])
         unit = unknown_deviation(mass_kg)
-        directions = ((slope * self.scale) @ self.blind) / unit[:, None]
-        left, size, _ = np.linalg.svd(directions, full_matrices=False)
+        left, size, _ = np.linalg.svd(((slope * self.scale) @ self.blind) / unit[:, None], full_matrices=False)
         seen = float(np.linalg.norm((slope * self.scale) / unit[:, None]))
         blind = left[:, size > Payloads.negligible * seen] * unit[:, None]
         return MassCenterCovariance(

@@ -97,7 +97,6 @@ def _require_agreement(rows: list[TableRow], source: str) -> None:
             raise RunTableError(source, "recording", str(row.recording), "expected each recording once")
         seen.add(row.recording)
         if row.mass_kg is not None and weighed.setdefault(row.mounting, row.mass_kg) != row.mass_kg:
-            expected = (
-                f"expected {weighed[row.mounting]:g} as in another row; a different payload requires a different name"
-            )
+            known_kg = weighed[row.mounting]
+            expected = f"expected {known_kg:g} as in another row; a different payload requires a different name"
             raise RunTableError(source, f"mass_kg of mounting '{row.mounting}'", row.mass_kg, expected)

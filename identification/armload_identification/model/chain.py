@@ -248,11 +248,9 @@ def _pack(placement: FloatArray, axis: FloatArray, flange: FloatArray, gravity: 
     before = [np.eye(3), *turn]
     parts = [-gravity]
     for i in range(n):
-        parts.append((before[i].T @ placement[i, :3, :3] @ turn[i]).ravel())
-        parts.append(before[i].T @ placement[i, :3, 3])
-    parts.extend(r.T.ravel() for r in turn)
-    parts.append((turn[-1].T @ flange[:3, :3]).ravel())
-    parts.append(turn[-1].T @ flange[:3, 3])
+        parts += [(before[i].T @ placement[i, :3, :3] @ turn[i]).ravel(), before[i].T @ placement[i, :3, 3]]
+    parts += [r.T.ravel() for r in turn]
+    parts += [(turn[-1].T @ flange[:3, :3]).ravel(), turn[-1].T @ flange[:3, 3]]
     return np.concatenate(parts)
 
 

@@ -247,9 +247,8 @@ class PayloadResult(PrintedResult):
     def table(self) -> ResultTable:
         """The ten values, with as many digits as the interval justifies, and no number for undetermined values."""
         rows = []
-        for name, value, known, ends, unit in zip(
-            PARAMETER_NAMES, self.values, self.determined, self.interval_95, UNITS, strict=True
-        ):
+        values = zip(PARAMETER_NAMES, self.values, self.determined, self.interval_95, UNITS, strict=True)
+        for name, value, known, ends, unit in values:
             digits = decimals_for((ends[1] - ends[0]) / 2, value)
             interval = " to ".join(f"{end:.{digits}f}" for end in ends) if known else ""
             rows.append((name, f"{value:.{digits}f}" if known else NOT_DETERMINED, interval, unit))

@@ -248,8 +248,7 @@ def _on_signal(signal: LoadSignal, struck: NDArray[np.bool_]) -> Iterator[str]:
             f"Smoothing removed more than {100.0 * Smoothing.loss_limit:.0f} % of the signal of {joints}: it is mostly "
             "noise, or sampled too slowly."
         )
-    gaps = np.count_nonzero(~signal.valid & ~struck)
-    if gaps:
+    if gaps := np.count_nonzero(~signal.valid & ~struck):
         yield f"{gaps} of {signal.valid.size} samples are in gaps and were not used."
     few = any(0 < run.periods < PayloadFit.fewest_periods for run in (signal.loaded, signal.unloaded))
     if few and signal.loaded.periodic and signal.noise_source == ABOVE_BAND:

@@ -117,10 +117,10 @@ def judge(measured: Identification, chain: Chain, judged: KnownMassCenter, toler
     Returns:
         The verdict, and the underlying signals.
     """
-    signal = measured.signal
+    signal, states = measured.signal, measured.signal.loaded.states
     again = KnownMassCenter(measured.parameters, measured.mass_center)
     agreement = compare_known(judged, again, tolerance)
-    regressor = payload_regressor(chain, *signal.loaded.states)
+    regressor = payload_regressor(chain, *states)
     load = regressor @ judged.parameters.theta
     friction = measured.friction_nm
     predicted = load + friction
@@ -130,9 +130,7 @@ def judge(measured: Identification, chain: Chain, judged: KnownMassCenter, toler
             agreement=agreement,
             of_payload=joint_scales(signal, load, friction),
             of_measured=joint_scales(signal, regressor @ measured.parameters.theta, friction),
-            remedy=remedy_for(
-                agreement, length, measured.plain, measured.parameters, signal.loaded.states.position_rad
-            ),
+            remedy=remedy_for(agreement, length, measured.plain, measured.parameters, states.position_rad),
         ),
         measured=measured,
         predicted_nm=predicted,

@@ -92,9 +92,8 @@ class LivePayload:
         if not self.determined[0]:
             return "not determined"
         texts = [f"{self.mass_kg:z.3f} +- {self.half_width_95[0]:.3f} kg"]
-        for axis, value, half, sure in zip(
-            "xyz", 1e3 * self.values[1:], 1e3 * self.half_width_95[1:], self.determined[1:], strict=True
-        ):
+        center = zip("xyz", 1e3 * self.values[1:], 1e3 * self.half_width_95[1:], self.determined[1:], strict=True)
+        for axis, value, half, sure in center:
             texts.append(f"{axis} {value:z.1f} +- {half:.1f} mm" if sure else f"{axis} not determined")
         return ", ".join(texts)
 

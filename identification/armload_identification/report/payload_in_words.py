@@ -104,9 +104,8 @@ def parameter_rows(
     limits = DETERMINED_SHARE * value_scale(payload.model.mass_kg)
     # The truth of an undetermined parameter is shown with the digits of one just determined.
     shown = np.where(known, half_widths(payload), limits)
-    texts = [
-        row if there else ("", "", "") for row, there in zip(_rounded(values, shown, intervals), known, strict=True)
-    ]
+    rounded = _rounded(values, shown, intervals)
+    texts = [row if there else ("", "", "") for row, there in zip(rounded, known, strict=True)]
     estimates, lows, highs = (align(column) for column in zip(*texts, strict=True))
     exact = None if truth is None else derived(truth)[0]
     truths: Sequence[Numeral | None] = (None,) * 10

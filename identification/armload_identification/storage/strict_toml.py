@@ -274,8 +274,7 @@ def _all_finite(value: object) -> bool:
 
 def _explained(values: Mapping[str, Any], tables: type[Table], within: str) -> tuple[str, object, str]:
     """Key, value found and what was expected, for the first problem of a file."""
-    other = _other_content(values, tables)
-    if other:
+    if other := _other_content(values, tables):
         return "", None, other
     (loc, found, expected), *others = _problems(values, tables, (), tables)
     if others:
@@ -296,8 +295,7 @@ def _other_content(values: Mapping[str, Any], tables: type[Table]) -> str:
 
 def _problems(value: object, annotation: Any, loc: _Place, root: type[Table]) -> list[_Problem]:
     """Place, value and what was expected, for each problem of a value; msgspec reports the first, as a text."""
-    inner = list(_problems_within(value, annotation, loc, root))
-    if inner:
+    if inner := list(_problems_within(value, annotation, loc, root)):
         return inner
     if isinstance(value, float) and not math.isfinite(value) and {float, Any} & {*_kinds(annotation)}:
         return [(loc, value, "expected a finite number")]

@@ -124,9 +124,7 @@ class Workspace:
     def __post_init__(self) -> None:
         self._require_sense()
         on_plane, on_box = self._pairs_to_check(self.half_spaces), self._pairs_to_check(self.boxes)
-        of_link = [
-            [place for place, ball in enumerate(self.spheres) if ball.link == k] for k in range(self.chain.n + 2)
-        ]
+        of_link = [[s for s, ball in enumerate(self.spheres) if ball.link == k] for k in range(self.chain.n + 2)]
         pairs = [pair for first, second in self.apart for pair in product(of_link[first], of_link[second])]
         obstacles = [(s, self.half_spaces[k].name) for s, k in on_plane] + [(s, self.boxes[k].name) for s, k in on_box]
         names = [name for _, name in obstacles]

@@ -201,8 +201,7 @@ class _EvenStretch:
             rate = product / square
         # Within a block the final slope moves no extreme: only the two farthest samples of each block are kept.
         off = (time_s - mean_time) - (rate or 1.0) * centred
-        for row in (int(np.argmin(off)), int(np.argmax(off))):
-            self.extremes.append((float(phase[row]), float(time_s[row])))
+        self.extremes += [(float(phase[row]), float(time_s[row])) for row in (np.argmin(off), np.argmax(off))]
         return rate
 
     def time_at(self, phase: FloatArray, rate: float) -> FloatArray:
