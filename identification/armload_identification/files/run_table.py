@@ -74,7 +74,9 @@ def parse_run_table(text: str, source: str, folder: Path) -> tuple[TableRow, ...
 
 def _row(line: CsvLine, folder: Path) -> TableRow:
     """One line."""
-    recording, mounting, payload, recorded = (line.text[key] for key in ("recording", "mounting", *_OPTIONAL))
+    recording, mounting, payload, recorded = (
+        line.text[key] for key in ("recording", "mounting", "payload", "recorded")
+    )
     mass_kg = line.positive("mass_kg")
     if not recording:
         raise line.refused("recording", "expected the path of a recording")
