@@ -76,7 +76,7 @@ def at_axes(matrix: FloatArray, coupling: FloatArray) -> FloatArray:
     return np.asarray(coupling @ matrix @ np.linalg.inv(coupling))
 
 
-def explain(arm: ArmKnowledge, run: Motion, mounting: str, mass_kg: float | None) -> str:
+def explain(arm: ArmKnowledge, run: Motion, mounting: str, mass_kg: float | None) -> tuple[str, bool]:
     """Explain what is wrong with a run.
 
     Args:
@@ -86,7 +86,7 @@ def explain(arm: ArmKnowledge, run: Motion, mounting: str, mass_kg: float | None
         mass_kg: The stated mass; None if not stated.
 
     Returns:
-        One sentence.
+        One sentence, and whether a mistake explains the run.
     """
     elsewhere = mounting in arm.fit.problem.mountings
     off = _fitted_to_run(arm, run, mounting, mass_kg=None if elsewhere else mass_kg).deviates(0)
@@ -100,8 +100,8 @@ def explain(arm: ArmKnowledge, run: Motion, mounting: str, mass_kg: float | None
     if payload[0] < best / Contradiction.better:
         best, text = payload
     if best < max(Contradiction.explained * float(off[worst]), Contradiction.contradicts):
-        return f"{start}; it fits if {text}"
-    return f"{start}, and no simple mistake explains this: a different arm, or damaged signals"
+        return f"{start}; it fits if {text}", True
+    return f"{start}, and no simple mistake explains this: a different arm, or damaged signals", False
 
 
 def _fitted_to_run(

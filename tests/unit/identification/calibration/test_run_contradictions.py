@@ -37,6 +37,10 @@ def turned(run, joint):
     return {"position_rad": run.recording.position_rad * sign, "current_a": run.recording.current_a * sign}
 
 
+def turned_position(run, joint):
+    return {"position_rad": turned(run, joint)["position_rad"]}
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
@@ -53,6 +57,24 @@ def test_a_run_that_contradicts_the_others_is_named_with_its_mistake(
     assert name == "empty4.mcap"
     assert re.search(said, reason), reason
     assert (np.abs(np.log(found.gain_nm_a / result.gain_nm_a)) < 3.0 * result.gain_deviation).all()
+
+
+@pytest.mark.parametrize("count", [3, 4])
+@pytest.mark.parametrize("change", [lambda run: scaled(run, 1, 1.5), lambda run: turned_position(run, 1)])
+def test_one_wrong_run_of_few_is_named_though_a_compromise_fits_all_alike(
+    four, weighed, pinocchio_arm, nominal, change, count
+):
+    few = changed(four[:count], count - 1, **change(four[count - 1]))
+    wrong = few[count - 1].recording.source.path.name
+    found = calibrated(few, weighed, pinocchio_arm, nominal)
+    assert [name for name, _ in found.left_out] == [wrong]
+    assert not any("remains unexplained" in warning for warning in found.warnings)
+
+
+def test_two_runs_that_contradict_each_other_are_not_called_right(four, weighed, pinocchio_arm, nominal):
+    found = calibrated(changed(four[:2], 1, **scaled(four[1], 1, 1.5)), weighed, pinocchio_arm, nominal)
+    assert found.left_out == ()
+    assert any("of the torque of joint 2" in text and "remains unexplained" in text for text in found.warnings)
 
 
 def test_a_run_with_another_payload_than_said_is_named(four, weighed, pinocchio_arm, nominal):
