@@ -107,7 +107,8 @@ class _Calibration:
     def __init__(self, given: ArmRuns, chain: Chain, transmission: Transmission, progress: Progress | None) -> None:
         self._chain, self._transmission, self._weighed = chain, transmission, given.weighed
         self._left_out, self._progress = list(given.left_out), progress or (lambda done, total: None)
-        self._total = 2 * len(given.runs) + most_trials(chain)
+        self._before_fit = 2 * len(given.runs) + most_trials(chain)
+        self._total = self._before_fit + (len(given.runs) if len(given.runs) <= Calibrating.few else 1)
         self._done = 0
         readable: list[tuple[str, MountedRun, Motion]] = []
         names = _distinct([run.recording.source.path for run in given.runs])
@@ -137,10 +138,13 @@ class _Calibration:
         self._refuse_too_little()
         self._refuse_other_units()
         self._refuse_other_mounting()
+        self._done = self._before_fit
+        self._progress(self._done, self._total)
         fit = self._fitted(self._used)
         while worst := self._contradicting(fit):
             index, fit, reason = worst
             self._left_out.append((self._used.pop(index).name, f"it contradicts the other runs: {reason}"))
+        self._progress(self._total, self._total)
         warnings = [*self._noise_warnings(fit), *self._mass_warnings(fit), *self._friction_warnings(fit)]
         hashes = {run.name: run.given.recording.source.sha256 for run in self._used}
         found = self._named(fit, warnings, robot, replace(made, recordings_sha256=hashes))
@@ -149,19 +153,20 @@ class _Calibration:
     def _contradicting(self, fit: Posterior) -> tuple[int, Posterior, str] | None:
         """The run that contradicts the others, their fit without it, and what is wrong with it; None if there is none.
 
-        Few runs fit a compromise, from which the wrong one is no farther than the others: then several are tried.
+        Few runs fit a compromise, from which the wrong one is no farther than the others: then each is tried.
         """
         off = np.array([fit.deviates(index) for index in range(len(fit.groups))])
-        compromise = self._noise_share(fit).max() > Calibrating.compromise
-        if off.max() < Calibrating.suspect and not compromise:
+        few = len(off) <= Calibrating.few
+        if off.max() < Calibrating.suspect and not few:
             return None
         tried = []
-        for index in np.argsort(-off.max(axis=1))[: Calibrating.tried_runs if compromise else 1].tolist():
+        for index in np.argsort(-off.max(axis=1)).tolist()[: None if few else 1]:
             others = [run for place, run in enumerate(self._used) if place != index]
             rows, least = self._rows_and_least(others)
             # The rest of a short pair fits whatever it is, so that nothing contradicts it.
             if others and rows >= least:
                 without = self._fitted(others)
+                self._advance()
                 tried.append((float((fit.noise_nm / without.noise_nm).max()), index, without))
         if not tried:
             return None
@@ -180,7 +185,7 @@ class _Calibration:
         return np.where(self._moves, fit.noise_nm[0] / fit.problem.noise.greatest_nm, 0.0)
 
     def _advance(self) -> None:
-        self._done += 1
+        self._done = min(self._done + 1, self._total)
         self._progress(self._done, self._total)
 
     def _read(self, name: str, recording: Recording) -> Motion | None:
@@ -247,7 +252,6 @@ class _Calibration:
             return np.asarray(np.log(np.maximum(share[self._moves], 1e-9)))
 
         refuse_other_mounting(shares, self._chain, self._transmission.coupling, self._moves)
-        self._progress(self._total, self._total)
 
     def _explained(self, run: _UsedRun, fit: Posterior) -> tuple[str, bool]:
         """What is wrong with a run beside the others' fit, and whether a mistake explains it."""
@@ -273,7 +277,7 @@ class _Calibration:
     def _noise_warnings(self, fit: Posterior) -> Iterator[str]:
         """Joints of which the runs leave much unexplained."""
         share = self._noise_share(fit)
-        if joints := remarked_joints(share > Calibrating.compromise, "{:.0f} %", 100.0 * share):
+        if joints := remarked_joints(share > Calibrating.unexplained, "{:.0f} %", 100.0 * share):
             yield (
                 f"part of the torque of {joints} remains unexplained: runs contradict each other, and which of "
                 "them is wrong is not clear, or the arm is not the configured one. Add runs."

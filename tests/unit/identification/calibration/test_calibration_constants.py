@@ -512,29 +512,26 @@ def test_a_weighed_mass_disagrees_with_all_other_data_beyond_four_deviations(off
 @pytest.mark.parametrize(
     ("deviates", "quieter", "rows", "share", "explained", "left_out"),
     [
-        ([1.0, 1.9], (9.0, 9.0), 99, 0.11, False, []),
-        ([1.0, 2.1], (1.0, 1.9), 99, 0.11, False, []),
-        ([1.0, 2.1], (1.0, 2.1), 99, 0.11, False, ["b"]),
-        ([1.0, 3.9], (1.0, 1.0), 99, 0.11, False, []),
-        ([1.0, 4.1], (1.0, 1.0), 99, 0.11, False, ["b"]),
-        ([4.1, 3.0], (1.0, 1.0), 99, 0.11, False, ["a"]),
-        ([1.0, 4.1], (1.0, 1.0), 0, 0.11, False, []),
+        ([1.0, 3.9], (1.0, 1.0), 99, 0.1, False, []),
+        ([1.0, 4.1], (1.0, 1.0), 99, 0.1, False, ["b"]),
+        ([4.1, 3.0], (1.0, 1.0), 99, 0.1, False, ["a"]),
+        ([1.0, 4.1], (1.0, 1.0), 0, 0.1, False, []),
         ([1.0, 5.0], (1.0, 1.0), 99, 0.0101, False, ["b"]),
         ([1.0, 5.0], (1.0, 1.0), 99, 0.0099, False, []),
         ([1.0, 5.0], (1.0, 1.0), 99, 0.0099, True, ["b"]),
-        ([1.0, 0.9], (1.0, 2.1), 99, 0.13, False, ["b"]),
-        ([1.0, 0.9], (2.1, 4.3), 99, 0.13, False, ["b"]),
-        ([1.0, 0.9], (2.1, 4.1), 99, 0.13, False, []),
-        ([1.0, 4.1], (2.1, 4.1), 99, 0.13, False, ["b"]),
-        ([1.0, 0.9], (1.9, 1.9), 99, 0.13, False, []),
-        ([1.0, 0.9], (1.0, 2.1), 0, 0.13, False, []),
+        ([1.0, 0.9], (1.0, 2.1), 99, 0.1, False, ["b"]),
+        ([1.0, 0.9], (2.1, 4.3), 99, 0.1, False, ["b"]),
+        ([1.0, 0.9], (2.1, 4.1), 99, 0.1, False, []),
+        ([1.0, 4.1], (2.1, 4.1), 99, 0.1, False, ["b"]),
+        ([1.0, 0.9], (1.9, 1.9), 99, 0.1, False, []),
+        ([1.0, 0.9], (1.0, 2.1), 0, 0.1, False, []),
     ],
 )
 def test_a_run_is_left_out_if_it_contradicts_the_others_or_makes_them_twice_as_quiet(
     monkeypatch, deviates, quieter, rows, share, explained, left_out
 ):
-    """By four deviations; from two on, or where much remains of all runs, it is tried. Of two runs that contradict each
-    other, either could be left out: it must be clear which. Without a mistake that explains it, by 5 % of a torque.
+    """By four deviations. Of two runs that contradict each other either could be left out: it must be clear which.
+    Without a mistake that explains it, by 5 % of a torque.
     """
 
     def fitted(runs):
@@ -548,6 +545,10 @@ def test_a_run_is_left_out_if_it_contradicts_the_others_or_makes_them_twice_as_q
     made = calibrating(
         *(used(name) for name in "ab"),
         _left_out=[],
+        _before_fit=9,
+        _total=11,
+        _progress=lambda done, total: None,
+        _advance=lambda: None,
         _fitted=fitted,
         _noise_share=lambda fit: np.array([share if len(fit.groups) > 1 else 0.0]),
         _explained=lambda run, _: ("reason", explained),
@@ -567,6 +568,24 @@ def test_a_run_is_left_out_if_it_contradicts_the_others_or_makes_them_twice_as_q
     assert made._left_out == [(name, "it contradicts the other runs: reason") for name in left_out]
     assert found.warnings == ("named", "moves")
     assert [run.name for run in made._used] == [name for name in "ab" if name not in left_out]
+
+
+@pytest.mark.parametrize(("count", "off", "tried"), [(12, 1.0, 12), (13, 1.0, 0), (13, 1.9, 0), (13, 2.1, 1)], ids=str)
+def test_up_to_twelve_runs_are_left_out_one_by_one_and_of_more_the_worst_from_two_deviations_on(count, off, tried):
+    left = []
+
+    def fitted(runs):
+        left.append(next(name for name in "abcdefghijklm" if name not in [run.name for run in runs]))
+        return SimpleNamespace(noise_nm=np.array([1.0]))
+
+    made = calibrating(*(used(name) for name in "abcdefghijklm"[:count]), _fitted=fitted, _advance=lambda: None)
+    made._rows_and_least = lambda _: (99, 50)
+    fit = SimpleNamespace(
+        groups=[None] * count, noise_nm=np.array([1.0]), deviates=lambda index: np.array([off if index == 3 else 0.9])
+    )
+    assert _Calibration._contradicting(made, fit) is None
+    assert len(left) == tried
+    assert not left or left[0] == "d"
 
 
 @pytest.mark.parametrize(("share", "warned"), [(0.119, False), (0.121, True)])

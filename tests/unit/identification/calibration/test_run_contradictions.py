@@ -60,7 +60,10 @@ def test_a_run_that_contradicts_the_others_is_named_with_its_mistake(
 
 
 @pytest.mark.parametrize("count", [3, 4])
-@pytest.mark.parametrize("change", [lambda run: scaled(run, 1, 1.5), lambda run: turned_position(run, 1)])
+@pytest.mark.parametrize(
+    "change",
+    [lambda run: scaled(run, 1, 1.5), lambda run: scaled(run, 2, 0.8), lambda run: turned_position(run, 1)],
+)
 def test_one_wrong_run_of_few_is_named_though_a_compromise_fits_all_alike(
     four, weighed, pinocchio_arm, nominal, change, count
 ):
