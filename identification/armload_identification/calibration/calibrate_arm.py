@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from armload_identification.calibration.calibration_constants import Calibrating, Contradiction
+from armload_identification.calibration.calibration_constants import Calibrating, Contradiction, OtherMounting
 from armload_identification.calibration.calibration_result import (
     ArmCalibration,
     CalibratedPayload,
@@ -18,7 +18,12 @@ from armload_identification.calibration.calibration_result import (
     kinematics_sha256,
 )
 from armload_identification.calibration.mounted_runs import WEIGHED_WITHIN, ArmRuns, MountedRun
-from armload_identification.calibration.mounting_mistakes import Turn, most_trials, refuse_other_mounting
+from armload_identification.calibration.mounting_mistakes import (
+    MountedDifferently,
+    Turn,
+    most_trials,
+    refuse_other_mounting,
+)
 from armload_identification.calibration.other_motions import doubtful_share
 from armload_identification.calibration.run_contradictions import ArmKnowledge, explain
 from armload_identification.estimation.arm_from_posterior import identified_body
@@ -137,21 +142,28 @@ class _Calibration:
         """Fit until no run contradicts the others."""
         self._refuse_too_little()
         self._refuse_other_units()
-        self._refuse_other_mounting()
-        self._done = self._before_fit
+        try:
+            self._refuse_other_mounting()
+        except MountedDifferently as mistake:
+            # One wrong run of few may look like an inverted joint of all, which then fits little better than before.
+            fits = mistake.residual_share < OtherMounting.little or len(self._used) < 3
+            without = None if fits else self._without_worst(self._fitted(self._used))
+            if without is None or self._noise_share(without).max() > Calibrating.unexplained:
+                raise
+            self._refuse_other_mounting()
+        self._done = max(self._done, self._before_fit)
         self._progress(self._done, self._total)
         fit = self._fitted(self._used)
-        while worst := self._contradicting(fit):
-            index, fit, reason = worst
-            self._left_out.append((self._used.pop(index).name, f"it contradicts the other runs: {reason}"))
+        while without := self._without_worst(fit):
+            fit = without
         self._progress(self._total, self._total)
         warnings = [*self._noise_warnings(fit), *self._mass_warnings(fit), *self._friction_warnings(fit)]
         hashes = {run.name: run.given.recording.source.sha256 for run in self._used}
         found = self._named(fit, warnings, robot, replace(made, recordings_sha256=hashes))
         return replace(found, warnings=(*found.warnings, *self._motion_warnings(found)))
 
-    def _contradicting(self, fit: Posterior) -> tuple[int, Posterior, str] | None:
-        """The run that contradicts the others, their fit without it, and what is wrong with it; None if there is none.
+    def _without_worst(self, fit: Posterior) -> Posterior | None:
+        """Exclude the run that contradicts the others: their fit without it; None if there is none.
 
         Few runs fit a compromise, from which the wrong one is no farther than the others: then each is tried.
         """
@@ -176,9 +188,12 @@ class _Calibration:
         _, index, without = ranked[0] if clear else tried[0]
         if not clear and off[index].max() < Contradiction.contradicts:
             return None
-        reason, explained = self._explained(self._used[index], without)
-        gross = (off[index] * self._noise_share(fit)).max() >= Contradiction.gross
-        return (index, without, reason) if explained or gross else None
+        gross = bool((off[index] * self._noise_share(fit)).max() >= Contradiction.gross)
+        reason = self._reason(self._used[index], without, among_all=float(off[index].max()), gross=gross)
+        if reason is None:
+            return None
+        self._left_out.append((self._used.pop(index).name, f"it contradicts the other runs: {reason}"))
+        return without
 
     def _noise_share(self, fit: Posterior) -> FloatArray:
         """(n,) noise of each joint as a share of its torque; 0 for a joint that moves in no run."""
@@ -253,11 +268,12 @@ class _Calibration:
 
         refuse_other_mounting(shares, self._chain, self._transmission.coupling, self._moves)
 
-    def _explained(self, run: _UsedRun, fit: Posterior) -> tuple[str, bool]:
-        """What is wrong with a run beside the others' fit, and whether a mistake explains it."""
+    def _reason(self, run: _UsedRun, fit: Posterior, *, among_all: float, gross: bool) -> str | None:
+        """What is wrong with a run beside the others' fit."""
         mounting = run.given.mounting
         said = self._weighed.get(mounting)
-        return explain(ArmKnowledge(fit, self._layout), run.motion, mounting, None if said is None else said.mass_kg)
+        arm, mass_kg = ArmKnowledge(fit, self._layout), None if said is None else said.mass_kg
+        return explain(arm, run.motion, mounting, mass_kg, among_all=among_all, gross=gross)
 
     def _refuse_other_units(self) -> None:
         """Raise if no joint could carry any of the masses; beside a right one, the run of a wrong one is left out."""

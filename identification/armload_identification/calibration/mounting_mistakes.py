@@ -29,6 +29,18 @@ _POSITION_AND_EFFORT: Final = "position and effort"
 _TURNED: Final = {_POSITION_AND_EFFORT: (True, True), "position": (True, False), "effort": (False, True)}
 
 
+class MountedDifferently(EstimationError):
+    """The arm is mounted or turned in another way than configured.
+
+    Attributes:
+        residual_share: Geometric mean of the moving joints' shares of residual in torque once it is corrected.
+    """
+
+    def __init__(self, text: str, log_share: float) -> None:
+        super().__init__(text)
+        self.residual_share = float(np.exp(log_share))
+
+
 def most_trials(chain: Chain) -> int:
     """Most fits that `refuse_other_mounting` takes.
 
@@ -48,17 +60,18 @@ def refuse_other_mounting(shares: ResidualShares, chain: Chain, coupling: FloatA
         moves: (n,) False for joints that stand in all runs.
 
     Raises:
-        EstimationError: naming the mistake and the remedy.
+        MountedDifferently: naming the mistake and the remedy.
     """
     as_configured = shares(chain, lambda run: run)
     entered = float(as_configured.mean())
-    if entered < np.log(OtherMounting.little):
+    may_be_turned = as_configured.max() > np.log(OtherMounting.much)
+    if entered < np.log(OtherMounting.little) and not may_be_turned:
         return
     found = {}
     for how, gravity in directions(chain.gravity_m_s2).items():
         found[how] = float(shares(chain.under(gravity), lambda run: run).mean())
     best = min(found, key=lambda how: found[how])
-    if found[best] >= np.log(OtherMounting.little) and as_configured.max() > np.log(OtherMounting.much):
+    if may_be_turned and found[best] >= min(np.log(OtherMounting.little), entered - OtherMounting.better):
         turned = _turned_joints(partial(shares, chain), coupling, moves)
         joint, what = min(turned, key=lambda which: turned[which])
         if turned[joint, what] < min(entered - OtherMounting.better, found[best]):
@@ -67,15 +80,17 @@ def refuse_other_mounting(shares: ResidualShares, chain: Chain, coupling: FloatA
                 if what == _POSITION_AND_EFFORT
                 else "Set the drive's polarity (607E) so that position and effort have the same direction"
             )
-            raise EstimationError(
+            raise MountedDifferently(
                 f"joint {joint + 1} is inverted relative to its configuration: the residual of the runs is "
                 f"{np.exp(entered - turned[joint, what]):.1f} times smaller with its {what} inverted. {remedy}; the "
-                "polarity of a drive that armload only listens to cannot be read."
+                "polarity of a drive that armload only listens to cannot be read.",
+                turned[joint, what],
             )
     if found[best] < entered - OtherMounting.better:
-        raise EstimationError(
+        raise MountedDifferently(
             f"the arm is not mounted as in its configuration: the residual is {np.exp(entered - found[best]):.1f} "
-            f"times smaller if it is mounted {best}. Correct gravity_m_s2 in the robot's configuration."
+            f"times smaller if it is mounted {best}. Correct gravity_m_s2 in the robot's configuration.",
+            found[best],
         )
 
 

@@ -76,7 +76,9 @@ def at_axes(matrix: FloatArray, coupling: FloatArray) -> FloatArray:
     return np.asarray(coupling @ matrix @ np.linalg.inv(coupling))
 
 
-def explain(arm: ArmKnowledge, run: Motion, mounting: str, mass_kg: float | None) -> tuple[str, bool]:
+def explain(
+    arm: ArmKnowledge, run: Motion, mounting: str, mass_kg: float | None, *, among_all: float, gross: bool
+) -> str | None:
     """Explain what is wrong with a run.
 
     Args:
@@ -84,13 +86,17 @@ def explain(arm: ArmKnowledge, run: Motion, mounting: str, mass_kg: float | None
         run: The run that contradicts them.
         mounting: Stated name of its payload; empty for an empty arm.
         mass_kg: The stated mass; None if not stated.
+        among_all: Its greatest residual in the fit of all runs, in multiples of their noise.
+        gross: Whether it is wrong even if no mistake explains it.
 
     Returns:
-        One sentence, and whether a mistake explains the run.
+        One sentence; None if it does not contradict them, or only as another model's error might.
     """
     elsewhere = mounting in arm.fit.problem.mountings
     off = _fitted_to_run(arm, run, mounting, mass_kg=None if elsewhere else mass_kg).deviates(0)
     worst = int(np.argmax(off))
+    if max(float(off[worst]), among_all) < Contradiction.contradicts:
+        return None
     start = f"joint {worst + 1} is off by {off[worst]:.0f} times the noise of the other runs"
     # If no other run carries this payload, it is fitted in every trial; another payload is therefore preferred unless a
     # mistake explains much more.
@@ -100,8 +106,8 @@ def explain(arm: ArmKnowledge, run: Motion, mounting: str, mass_kg: float | None
     if payload[0] < best / Contradiction.better:
         best, text = payload
     if best < max(Contradiction.explained * float(off[worst]), Contradiction.contradicts):
-        return f"{start}; it fits if {text}", True
-    return f"{start}, and no simple mistake explains this: a different arm, or damaged signals", False
+        return f"{start}; it fits if {text}"
+    return f"{start}, and no simple mistake explains this: a different arm, or damaged signals" if gross else None
 
 
 def _fitted_to_run(

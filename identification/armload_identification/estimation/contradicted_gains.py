@@ -86,11 +86,10 @@ def fit_gains(problem: PayloadProblem, gains: Gains, prior: Prior | None) -> tup
 
     assumed = np.sqrt(np.diag(gains.own_covariance))
     start = best = solved(())
-    named_from = _named_from(start.deviation, assumed)
-    noticeable = named_from + GainTest.nine_of_ten * start.deviation
+    noticeable = _noticeable(start, assumed)
     suspects = [
         int(axis)
-        for axis in np.argsort(-np.abs(start.value) / named_from, kind="stable")
+        for axis in np.argsort(-np.abs(start.value) / _named_from(start.deviation, assumed), kind="stable")
         if abs(start.value[axis]) > GainTest.suspect * np.maximum(GainTest.assumed * assumed, GainTest.matters)[axis]
     ]
     alone = {axis: solved((axis,), start.posterior) for axis in suspects}

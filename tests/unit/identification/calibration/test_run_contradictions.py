@@ -13,6 +13,7 @@ from armload_identification.calibration.mounted_runs import MountedRun, WeighedP
 from armload_identification.calibration.run_contradictions import _Carried as Carried
 from armload_identification.calibration.run_contradictions import _payload_text as payload_text
 from armload_identification.calibration.run_contradictions import directions
+from armload_identification.identification_errors import EstimationError
 from armload_identification.model.payload import InertialParameters, derived
 from tests.mounted_runs import LOAD_FRICTION, calibrated, changed, named
 
@@ -59,7 +60,7 @@ def test_a_run_that_contradicts_the_others_is_named_with_its_mistake(
     assert (np.abs(np.log(found.gain_nm_a / result.gain_nm_a)) < 3.0 * result.gain_deviation).all()
 
 
-@pytest.mark.parametrize("count", [3, 4])
+@pytest.mark.parametrize("count", [3, pytest.param(4, marks=pytest.mark.long)])
 @pytest.mark.parametrize(
     "change",
     [lambda run: scaled(run, 1, 1.5), lambda run: scaled(run, 2, 0.8), lambda run: turned_position(run, 1)],
@@ -72,6 +73,32 @@ def test_one_wrong_run_of_few_is_named_though_a_compromise_fits_all_alike(
     found = calibrated(few, weighed, pinocchio_arm, nominal)
     assert [name for name, _ in found.left_out] == [wrong]
     assert not any("remains unexplained" in warning for warning in found.warnings)
+
+
+def test_exchanged_columns_of_one_run_are_no_inverted_joint_of_all(four, weighed, pinocchio_arm, nominal):
+    found = calibrated(changed(four[:3], 1, **exchanged(four[1], 3, 4)), weighed, pinocchio_arm, nominal)
+    assert [name for name, _ in found.left_out] == [four[1].recording.source.path.name]
+
+
+@pytest.mark.parametrize(
+    ("how", "joint"),
+    [
+        ("position_rad", 4),
+        ("current_a", 5),
+        *(
+            pytest.param(how, joint, marks=pytest.mark.long)
+            for how, joint in (("position_rad", 2), ("position_rad", 5), ("current_a", 2), ("current_a", 4))
+        ),
+    ],
+)
+def test_an_inverted_joint_of_all_runs_is_not_taken_for_one_wrong_run(
+    four, weighed, pinocchio_arm, nominal, joint, how
+):
+    turned_alike = [
+        replace(run, recording=replace(run.recording, **{how: turned(run, joint)[how]})) for run in four[:3]
+    ]
+    with pytest.raises(EstimationError, match=rf"joint {joint + 1} is inverted"):
+        calibrated(turned_alike, weighed, pinocchio_arm, nominal)
 
 
 def test_two_runs_that_contradict_each_other_are_not_called_right(four, weighed, pinocchio_arm, nominal):
