@@ -45,7 +45,9 @@ def armload_before_others():
 def signals_as_before():
     """Handles signals afterwards as before: a command that failed leaves them ignored, as its program would end."""
     before = {number: signal.getsignal(number) for number in signal.valid_signals()}
-    yield
-    for number, handler in before.items():
-        if signal.getsignal(number) is not handler:
-            signal.signal(number, handler)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            if signal.getsignal(number) is not handler:
+                signal.signal(number, handler)

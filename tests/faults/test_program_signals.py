@@ -19,6 +19,7 @@ import pytest
 
 from armload_identification.excitation.excitation_file import write_excitation
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
+from tests.bounded import await_that
 from tests.started_programs import BACKGROUND, as_started
 
 PROGRAM = """
@@ -156,11 +157,12 @@ def test_a_background_job_goes_on_where_signals_are_ignored_and_is_stopped_by_si
 def test_an_operator_who_presses_again_and_again_leaves_no_torque(started, tmp_path):
     """Signals until the program has ended: none of them interrupts the removal of torque, nor the message about it."""
     process = started()
-    until_s = time.monotonic() + LONGEST_S
-    while process.poll() is None:
-        assert time.monotonic() < until_s
+
+    def has_ended():
         process.send_signal(signal.SIGTERM)
-        time.sleep(0.01)
+        return process.poll() is not None
+
+    await_that(has_ended, "the program has ended", LONGEST_S, every_s=0.01)
     printed, _ = process.communicate()
     assert process.returncode > 0, "killed by a signal"
     assert "Traceback" not in printed

@@ -151,9 +151,11 @@ class _Calibration:
             if without is None or self._noise_share(without).max() > Calibrating.unexplained:
                 raise
             self._refuse_other_mounting()
+            fit = without
+        else:
+            fit = self._fitted(self._used)
         self._done = max(self._done, self._before_fit)
         self._progress(self._done, self._total)
-        fit = self._fitted(self._used)
         while without := self._without_worst(fit):
             fit = without
         self._progress(self._total, self._total)
@@ -182,10 +184,10 @@ class _Calibration:
                 tried.append((float((fit.noise_nm / without.noise_nm).max()), index, without))
         if not tried:
             return None
-        ranked = sorted(tried, key=lambda trial: -trial[0])
-        second = ranked[1][0] if len(ranked) > 1 else 1.0
-        clear = ranked[0][0] >= Calibrating.quieter * max(second, 1.0)
-        _, index, without = ranked[0] if clear else tried[0]
+        quietest = max(tried, key=lambda trial: trial[0])
+        others_quieter = [trial[0] for trial in tried if trial is not quietest]
+        clear = quietest[0] >= Calibrating.quieter * max([1.0, *others_quieter])
+        _, index, without = quietest if clear else tried[0]
         if not clear and off[index].max() < Contradiction.contradicts:
             return None
         gross = bool((off[index] * self._noise_share(fit)).max() >= Contradiction.gross)
@@ -261,18 +263,17 @@ class _Calibration:
                 window = row_window(motion, spacing=Calibrating.tried_spacing)
                 rows.append(RunRows(layout.rows(motion, loaded=bool(mounting), window=window), mounting))
             fit = solve(self._problem(rows, layout), rough=True)
-            # A joint at rest has no explained torque, and its sign does not matter.
-            share = fit.noise_nm[0] / fit.problem.noise.greatest_nm
             self._advance()
-            return np.asarray(np.log(np.maximum(share[self._moves], 1e-9)))
+            # A joint at rest has no explained torque, and its sign does not matter.
+            return np.asarray(np.log(np.maximum(self._noise_share(fit)[self._moves], 1e-9)))
 
         refuse_other_mounting(shares, self._chain, self._transmission.coupling, self._moves)
 
     def _reason(self, run: _UsedRun, fit: Posterior, *, among_all: float, gross: bool) -> str | None:
         """What is wrong with a run beside the others' fit."""
-        mounting = run.given.mounting
+        arm, mounting = ArmKnowledge(fit, self._layout), run.given.mounting
         said = self._weighed.get(mounting)
-        arm, mass_kg = ArmKnowledge(fit, self._layout), None if said is None else said.mass_kg
+        mass_kg = None if said is None else said.mass_kg
         return explain(arm, run.motion, mounting, mass_kg, among_all=among_all, gross=gross)
 
     def _refuse_other_units(self) -> None:

@@ -223,8 +223,10 @@ class Disturbances:
         force = limits.usual_n, limits.worth_n, limits.most_n
         zeros = [Candidate(Disturbed.ZERO, joint, slice(joint, joint + 1), sags, *angle) for joint in range(n)]
         hoses = [
-            Candidate(Disturbed.HOSE, at - n - 2, slice(at, at + 1), 0.0, limits.worth_share * level, level)
-            for at, level in enumerate(self.level_nm.tolist(), n + 2)
+            Candidate(
+                Disturbed.HOSE, joint, slice(n + 2 + joint, n + 3 + joint), 0.0, limits.worth_share * level, level
+            )
+            for joint, level in enumerate(self.level_nm.tolist())
         ]
         tilt = Candidate(Disturbed.TILT, 0, slice(n, n + 2), limits.usual_rad, *angle)
         pull = Candidate(Disturbed.PULL, 0, slice(2 * n + 4, 2 * n + 5), *force)

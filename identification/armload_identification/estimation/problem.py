@@ -255,8 +255,9 @@ class Problem:
     @property
     def adapts(self) -> bool:
         """Whether noise, weights or priors change from step to step."""
-        noise, changing = self.noise, any(term.rescaled or term.pooled is not None for term in self.terms)
-        return changing or noise.robust or noise.correlation is None or bool((noise.least_nm < noise.greatest_nm).any())
+        noise = self.noise
+        priors = any(term.rescaled is not None or term.pooled is not None for term in self.terms)
+        return priors or noise.robust or noise.correlation is None or bool((noise.least_nm < noise.greatest_nm).any())
 
     @cached_property
     def free(self) -> NDArray[np.bool_]:

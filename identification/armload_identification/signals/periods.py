@@ -160,8 +160,8 @@ def _fit_motion(
         fitted = np.fft.irfft(spectrum * phases, phases, axis=0)
         # Empty phases are filled from the series, iterated until they no longer affect it.
         filled = np.where(valid[:, None], position, fitted)
-    lines, frequency_hz = 2.0 * spectrum[1 : harmonics + 1].T, excitation.base_frequency_hz / rate
-    motion = FourierTrajectory(frequency_hz, spectrum[0].real, -lines.imag, lines.real)
+    lines = 2.0 * spectrum[1 : harmonics + 1].T
+    motion = FourierTrajectory(excitation.base_frequency_hz / rate, spectrum[0].real, -lines.imag, lines.real)
     return motion, np.asarray(np.sqrt(np.mean((position - fitted)[valid] ** 2, axis=0)))
 
 

@@ -519,6 +519,8 @@ def test_a_weighed_mass_disagrees_with_all_other_data_beyond_four_deviations(off
 @pytest.mark.parametrize(
     ("deviates", "quieter", "rows", "share", "explained", "left_out"),
     [
+        ([1.0, 2.1], (1.0, 1.9), 99, 0.1, False, []),
+        ([1.0, 2.1], (1.0, 2.1), 99, 0.1, False, ["b"]),
         ([1.0, 3.9], (1.0, 1.0), 99, 0.1, False, []),
         ([1.0, 4.1], (1.0, 1.0), 99, 0.1, False, ["b"]),
         ([4.1, 3.0], (1.0, 1.0), 99, 0.1, False, ["a"]),
