@@ -107,7 +107,7 @@ def explain(
         best, text = payload
     if best < max(Contradiction.explained * float(off[worst]), Contradiction.contradicts):
         return f"{start}; it fits if {text}"
-    return f"{start}, and no simple mistake explains this: a different arm, or damaged signals" if gross else None
+    return f"{start}, and no usual mistake explains this: a different arm, or damaged signals" if gross else None
 
 
 def _fitted_to_run(
@@ -146,7 +146,9 @@ def _mistakes(arm: ArmKnowledge, run: Motion, mounting: str, mass_kg: float | No
     for one, other in combinations(range(n), 2):
         swap = np.eye(n)
         swap[:, [one, other]] = swap[:, [other, one]]
-        yield turned(swap, at_axes(swap, coupling)), f"joints {one + 1} and {other + 1} are exchanged"
+        torques, names = at_axes(swap, coupling), f"joints {one + 1} and {other + 1}"
+        yield turned(swap, torques), f"{names} are exchanged"
+        yield turned(np.eye(n), torques), f"the efforts of {names} are exchanged"
     for joint in range(n):
         turn = np.diag(np.where(np.arange(n) == joint, -1.0, 1.0))
         yield turned(turn, np.eye(n)), f"the position of joint {joint + 1} is inverted"
@@ -208,7 +210,9 @@ def _scaled(arm: ArmKnowledge, run: Motion, mounting: str) -> Explained:
         rows, state = trial.problem.groups[0], trial.groups[0]
         weighted, predicted = rows.weight * rows.effort_nm[0], rows.weight * state.torque[0].predicted_nm
         now = np.sum(weighted * predicted, axis=0) / np.maximum(np.sum(predicted**2, axis=0), _ZERO)
-        share = share * np.where((trial.deviates(0) >= Contradiction.contradicts) | (share != 1.0), now, 1.0)
+        off = trial.deviates(0)
+        wrong = (off >= max(Contradiction.contradicts, float(off.max()))) | (share != 1.0)
+        share = share * np.where(wrong, now, 1.0)
         share = np.where(np.abs(share) > Contradiction.least_scale, share, Contradiction.least_scale)
         corrected = run.with_torque_times(at_axes(np.diag(1.0 / share), coupling))
     parts = [

@@ -187,9 +187,9 @@ def explained(monkeypatch):
         (20.0, 7.9, 5.6, "; it fits if a payload"),
         (20.0, 7.9, 5.5, "; it fits if a mistake"),
         (20.0, 99.0, 7.9, "; it fits if a mistake"),
-        (20.0, 99.0, 8.1, ", and no simple mistake explains this"),
+        (20.0, 99.0, 8.1, ", and no usual mistake explains this"),
         (5.0, 99.0, 3.9, "; it fits if a mistake"),
-        (5.0, 99.0, 4.1, ", and no simple mistake explains this"),
+        (5.0, 99.0, 4.1, ", and no usual mistake explains this"),
     ],
 )
 def test_a_mistake_explains_a_run_if_four_deviations_or_four_tenths_are_left(explained, off, payload, other, said):

@@ -33,6 +33,10 @@ def exchanged(run, one, other):
     }
 
 
+def swapped_efforts(run, one, other):
+    return {"current_a": exchanged(run, one, other)["current_a"]}
+
+
 def turned(run, joint):
     sign = np.where(np.arange(6) == joint, -1.0, 1.0)
     return {"position_rad": run.recording.position_rad * sign, "current_a": run.recording.current_a * sign}
@@ -47,6 +51,7 @@ def turned_position(run, joint):
     [
         (lambda run: scaled(run, 1, 1.2), "joint 2 reports 1.2[01] times its effort"),
         pytest.param(lambda run: exchanged(run, 1, 2), "joints 2 and 3 are exchanged", marks=pytest.mark.long),
+        (lambda run: swapped_efforts(run, 3, 4), "the efforts of joints 4 and 5 are exchanged"),
         pytest.param(lambda run: turned(run, 2), "position and effort of joint 3 are inverted", marks=pytest.mark.long),
     ],
 )
@@ -73,6 +78,13 @@ def test_one_wrong_run_of_few_is_named_though_a_compromise_fits_all_alike(
     found = calibrated(few, weighed, pinocchio_arm, nominal)
     assert [name for name, _ in found.left_out] == [wrong]
     assert not any("remains unexplained" in warning for warning in found.warnings)
+
+
+def test_a_payload_of_one_run_takes_no_other_joint_along_with_the_wrong_one(four, weighed, pinocchio_arm, nominal):
+    """Fitted to the wrong joint too, it makes the others look wrong."""
+    found = calibrated(changed(four[:3], 1, **scaled(four[1], 2, -1.0)), weighed, pinocchio_arm, nominal)
+    ((_, reason),) = found.left_out
+    assert reason.endswith("it fits if the sign of joint 3's effort is flipped")
 
 
 def test_exchanged_columns_of_one_run_are_no_inverted_joint_of_all(four, weighed, pinocchio_arm, nominal):
