@@ -251,6 +251,7 @@ def identify_over_time(
     every_s: float,
     *,
     calibration: Calibration | None = None,
+    drift: StatedDrift = NOTHING_STATED,
 ) -> PayloadOverTime:
     """Identify the payload of a calibrated arm in successive windows of one run of any motion.
 
@@ -259,6 +260,7 @@ def identify_over_time(
         loaded: The run.
         every_s: Length of a window; 10 to 20 s of fast motion are recommended.
         calibration: Calibration of the arm, or its file; if not given, the one that the robot's file names.
+        drift: The drift that all gains have in common since the calibration.
 
     Returns:
         Mass and centre of mass with intervals, to print, save as JSON and draw.
@@ -284,8 +286,12 @@ def identify_over_time(
             "recommended."
         )
     run = recording_of(arm, loaded, "loaded")
-    windows = identify_windows(run, used.chain, used.transmission, found.known_arm, every_s)
-    return PayloadOverTime(arm.name, windows, run.source)
+    session = drift.session(arm, used, run) or SessionGains.assumed(found)
+    gains = session.corrected(found).transmission(arm.transmission)
+    windows = identify_windows(run, used.chain, gains, session.arm(found.known_arm), every_s)
+    known = [window.found for window in windows if window.found]
+    notes = [session.note(one.parameters.mass_kg, float(one.plain.considered[-1, 0])) for one in known[:1]]
+    return PayloadOverTime(arm.name, windows, run.source, tuple(notes))
 
 
 def validate(

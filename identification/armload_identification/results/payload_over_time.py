@@ -22,16 +22,19 @@ class PayloadOverTime(PrintedResult):
         robot: Name of the arm.
         windows: Windows in the order of time.
         source: Source of the recording.
+        notes: Notes to the operator.
     """
 
     robot: str
     windows: tuple[Window, ...]
     source: RecordingSource
+    notes: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as numbers, texts, lists and dictionaries: the schema `armload/windows/1`."""
         windows = [_window(window) for window in self.windows]
-        return json_document("windows", {"robot": self.robot, "recording": str(self.source.path), "windows": windows})
+        about = {"robot": self.robot, "recording": str(self.source.path)}
+        return json_document("windows", about | {"windows": windows, "notes": list(self.notes)})
 
     def picture(self, path: str | PathLike[str]) -> None:
         """Draw mass and its 95 % interval over time, .png, .svg or .pdf; an existing file is replaced.
@@ -66,7 +69,8 @@ class PayloadOverTime(PrintedResult):
             mass = f"{window.found.parameters.mass_kg:z.3f} +- {known.half_width_95[0]:.3f}"
             rows.append((when, mass, ", ".join(listed), ""))
         title = f"What {self.robot} carried, 95 % intervals, flange frame"
-        return ResultTable(title, ("time s", "mass kg", "centre of mass mm", "remark"), rows, (0, 3))
+        notes = [f"note: {note}" for note in self.notes]
+        return ResultTable(title, ("time s", "mass kg", "centre of mass mm", "remark"), rows, (0, 3), notes)
 
 
 def _window(window: Window) -> dict[str, Any]:

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 _OF_THE_WHOLE: Final = ("validation", "report", "mass_kg", "cad")
 """Parameters that are about the whole load."""
 _OF_ONE_RESULT: Final = (
-    *("unloaded", "output", "minus", "gain_drift", "reference", "center_of_mass_m", "symmetric"),
+    *("unloaded", "output", "minus", "center_of_mass_m", "symmetric"),
     *_OF_THE_WHOLE,
 )
 """Parameters that are about one payload, not about windows."""
@@ -162,8 +162,9 @@ def identify_payload(
     if validation is not None:
         choices[-2:] = [replace(choice, between_s=None) for choice in choices[-2:]]
     runs = [read_of(arm, file, choice) for file, choice in zip(files, choices, strict=True)]
+    stated = drift.stated(drift.reference and read_of(arm, drift.reference, replace(choices[0], between_s=None)))
     if every_s is not None:
-        history = robot_identification.identify_over_time(arm, runs[0], every_s, calibration=calibration)
+        history = robot_identification.identify_over_time(arm, runs[0], every_s, calibration=calibration, drift=stated)
         screen.result_table(history.table())
         screen.write(history.picture, picture)
         screen.document(history.to_dict, {"picture": picture})
@@ -171,7 +172,6 @@ def identify_payload(
     fitted = runs[: 1 if unloaded is None else 2]
     if output is not None and not force:
         require_replaceable(output, [run.source.sha256 for run in fitted])
-    reference = drift.reference and read_of(arm, drift.reference, replace(choices[0], between_s=None))
     try:
         findings = robot_identification.identify(
             arm,
@@ -182,7 +182,7 @@ def identify_payload(
             calibration=calibration,
             known=known,
             minus=None if minus is None else tool_payload(minus),
-            drift=drift.stated(reference),
+            drift=stated,
         )
     except NothingMounted as empty:
         found = ArmWithoutPayload(arm, empty, [run.source for run in fitted])

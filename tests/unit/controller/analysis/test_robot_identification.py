@@ -148,15 +148,31 @@ def test_a_weighed_payload_or_calibrated_gains_verify_the_scale(weighed_kg, gain
     assert robot_identification._scale_verified(used) is verified
 
 
+def test_windows_allow_for_a_drift_and_say_so(recorded_er50):
+    today = recorded_er50 / "runs" / "today"
+
+    def windows(share):
+        run, stated = today / "loaded_identification.mcap", armload.StatedDrift(share)
+        return armload.identify_over_time("er50", run, 10.0, calibration=today / "arm.calibration.toml", drift=stated)
+
+    little, much = windows(1e-4), windows(0.2)
+    narrow, wide = (found.windows[0].found.uncertainty.half_width_95[0] for found in (little, much))
+    assert wide > 1.1 * narrow
+    (note,) = much.to_dict()["notes"]
+    assert "a drift of 1 % would change the mass by" in note
+    assert f"note: {note}" in str(much)
+
+
 @pytest.mark.parametrize(
     ("every_s", "refused"), [(robot_identification.SHORTEST_WINDOW_S, False), (1.99, True), (np.nan, True)]
 )
 def test_windows_are_not_too_short(recorded_er50, monkeypatch, every_s, refused):
-    monkeypatch.setattr(robot_identification, "identify_windows", lambda *given: (given[-1],))
+    windows = SimpleNamespace(found=None)
+    monkeypatch.setattr(robot_identification, "identify_windows", lambda *_: (windows,))
     today = recorded_er50 / "runs" / "today"
     given = ("er50", today / "loaded_identification.mcap", every_s)
     if not refused:
-        assert armload.identify_over_time(*given, calibration=today / "arm.calibration.toml").windows == (every_s,)
+        assert armload.identify_over_time(*given, calibration=today / "arm.calibration.toml").windows == (windows,)
         return
     with pytest.raises(EstimationError, match=r"windows of .* s: expected .* s or more; 10 to 20 s of fast motion"):
         armload.identify_over_time(*given, calibration=today / "arm.calibration.toml")
