@@ -211,8 +211,7 @@ def _scaled(arm: ArmKnowledge, run: Motion, mounting: str) -> Explained:
         weighted, predicted = rows.weight * rows.effort_nm[0], rows.weight * state.torque[0].predicted_nm
         now = np.sum(weighted * predicted, axis=0) / np.maximum(np.sum(predicted**2, axis=0), _ZERO)
         off = trial.deviates(0)
-        wrong = (off >= max(Contradiction.contradicts, float(off.max()))) | (share != 1.0)
-        share = share * np.where(wrong, now, 1.0)
+        share = share * np.where((off >= max(Contradiction.contradicts, off.max())) | (share != 1.0), now, 1.0)
         share = np.where(np.abs(share) > Contradiction.least_scale, share, Contradiction.least_scale)
         corrected = run.with_torque_times(at_axes(np.diag(1.0 / share), coupling))
     parts = [

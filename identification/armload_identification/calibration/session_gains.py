@@ -69,8 +69,8 @@ class SessionGains:
             return cls(0.0, stated, "as stated")
         known = calibration.session_drift
         if known is not None:
-            return cls(0.0, float(np.hypot(known, LEAST)), "as between the sessions of the calibration")
-        return cls(0.0, ASSUMED, f"assumed, because the calibration has fewer than {FEWEST_SESSIONS} dated sessions")
+            return cls(0.0, float(np.hypot(known, LEAST)), "the scatter between the calibration's sessions")
+        return cls(0.0, ASSUMED, f"assumed because the calibration has fewer than {FEWEST_SESSIONS} dated sessions")
 
     def measured(
         self,
@@ -94,7 +94,10 @@ class SessionGains:
         tool = None if mass_kg is None else KnownPayload(mass_kg=mass_kg)
         found, deviation = self._with_prior(*_factor_in(reference, calibration, chain, transmission, tool))
         whole = float(np.hypot(deviation, min(OF_REFERENCE, self.deviation)))
-        return SessionGains(found, whole, f"measured by {reference.source.path.name}")
+        origin = f"measured by {reference.source.path.name}"
+        if abs(found) > Drift.noted * np.hypot(self.deviation, OF_REFERENCE):
+            origin += ", far more than expected: check that it is of the same day and carried what is stated"
+        return SessionGains(found, whole, origin)
 
     def within(
         self, run: Recording, calibration: ArmCalibration, chain: Chain, transmission: Transmission, *, loaded: bool
@@ -123,11 +126,11 @@ class SessionGains:
             return self
         percent, known = 100.0 * np.expm1(said), f"{100.0 * self.deviation:.2g} %, {self.origin}"
         if abs(said) > Drift.noted * np.hypot(deviation, self.deviation):
-            found, left, origin = said, deviation, f"the run says {percent:+.1f} %, which contradicts {known}"
+            found, left, origin = said, deviation, f"the run indicates {percent:+.1f} %, which contradicts {known}"
         else:
             found, left = self._with_prior(said, deviation)
-            speaks = f"; by itself, the run says {percent:+.1f} %" if abs(found) > Drift.noted * left else ""
-            origin = f"what this run leaves possible of {known}{speaks}"
+            speaks = f", which alone indicates {percent:+.1f} %" if abs(found) > Drift.noted * left else ""
+            origin = f"from {known}, and from the run itself{speaks}"
         reach = max(NORMAL_HALF_WIDTH * left, abs(found) + ONE_SIDED * left)
         return SessionGains(self.log_factor, reach / NORMAL_HALF_WIDTH, origin)
 
@@ -149,10 +152,11 @@ class SessionGains:
         per_percent = abs(considered_kg) / mass_kg / self.deviation
         if self.log_factor:
             found = f"{100.0 * np.expm1(self.log_factor):+.2f} +- {NORMAL_HALF_WIDTH * 100.0 * self.deviation:.2f} %"
-            return f"All gains have drifted together since the calibration, by {found} ({self.origin}): corrected."
+            return f"The drift of all gains together since the calibration is corrected: {found} ({self.origin})."
         return (
             "The intervals allow for a drift of all gains together since the calibration: one standard deviation is "
-            f"{100.0 * self.deviation:.2g} % ({self.origin}), and 1 % would change the mass by {per_percent:.1f} %. "
+            f"{100.0 * self.deviation:.2g} % ({self.origin}); a drift of 1 % would change the mass by "
+            f"{per_percent:.1f} %. "
             f"A run of the same day, empty or with a weighed tool, measures it: {REFERENCE}."
         )
 

@@ -2,7 +2,7 @@
 
 Every nominal gain is a term with its assumed covariance. What the rows say of one gain without its own prior, from a
 posterior with mean x and variance v where the prior's variance is p, has the mean x p / (p - v) and the variance
-v p / (p - v). A gain is contradicted if that mean is beyond what was assumed and beyond three standard deviations. The
+v p / (p - v). A gain is contradicted if that mean is beyond what was assumed and beyond four standard deviations. The
 test is made with that gain unknown: while it is held near its assumed value, the error counts as noise and hides
 itself.
 

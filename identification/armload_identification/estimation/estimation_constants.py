@@ -459,7 +459,7 @@ class DisturbanceLimits:
     certain: Final = (3.4, 3.9, 4.2)
     """[1] Standard deviations from which an error is certain, by its number of components.
 
-    Origin: mathematics: by chance, one of 14 disturbances exceeds it in one of a hundred identifications. Measured: 3
+    Origin: mathematics: by chance, one of 15 disturbances exceeds it in one of a hundred identifications. Measured: 3
         of 315 sound runs of four simulated arms, 7 of 217 with coloured noise or a calibration from two runs.
     Factor of two: half: a note on one of nine sound runs; twice: nothing on sound runs, and smaller disturbances stay
         unnamed (reasoned).

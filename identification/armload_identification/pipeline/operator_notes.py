@@ -16,6 +16,7 @@ from armload_identification.estimation.estimation_constants import Drift
 from armload_identification.estimation.payload_change import Event, events_during
 from armload_identification.estimation.payload_from_posterior import PayloadEstimate, gear_asymmetry
 from armload_identification.estimation.payload_intervals import NORMAL_HALF_WIDTH
+from armload_identification.estimation.prior_knowledge import EXACT
 from armload_identification.float_array import FloatArray
 from armload_identification.model.payload import DETERMINED_SHARE
 from armload_identification.pipeline.identification_result import Identification
@@ -83,9 +84,9 @@ def disturbance_notes(disturbances: Disturbances, since: str) -> Iterator[str]:
     named = disturbances.named
     if not named:
         return
-    said = ", or ".join(_disturbance_in_words(one, since) for one in named)
+    said = "The loaded run is as if " + ", or ".join(_disturbance_in_words(one, since) for one in named)
     if not disturbances.explanations:
-        said += ", and as if something else was wrong, too: the intervals may not hold"
+        said += ". But that alone does not explain it, the cause may be another, and the intervals may not hold"
     elif any(one.of is not Disturbed.PULL for one in named):
         said += "; the intervals allow for that"
     checks = listed(list(dict.fromkeys(_CHECK[one.of] for one in named)))
@@ -95,7 +96,7 @@ def disturbance_notes(disturbances: Disturbances, since: str) -> Iterator[str]:
         for one in named
         if one.of is Disturbed.PULL
     )
-    yield f"The loaded run is as if {said}.{hangs} Check {checks}."
+    yield f"{said}.{hangs} Check {checks}."
 
 
 def _disturbance_in_words(one: Disturbance, since: str) -> str:
@@ -173,19 +174,22 @@ def _on_nominal_gains(gains: Gains, found: Identification) -> Iterator[str]:
     if gains.calibrated.all():
         return
     if gains.fitted:
-        what = "The torque is as reported" if gains.from_torque else "Drive gains are nominal"
+        what = "Torques are as reported" if gains.from_torque else "Drive gains are nominal"
         each = 100.0 * NORMAL_HALF_WIDTH * float(np.sqrt(np.diag(gains.own_covariance).max()))
+        allowed = f"The intervals allow for errors (95 %) of {each:.2g} % on each joint"
         all_together = 100.0 * NORMAL_HALF_WIDTH * gains.common_deviation
         lost = float(found.plain.load_friction.max())
         uneven = 100.0 * NORMAL_HALF_WIDTH * float(gear_asymmetry(np.array([lost]))[0])
-        by_gears = f"by gears that lose {100.0 * lost:.0f} % of their load, but not equally in both directions of the"
-        of_gears = f", and for {uneven:.0f} % {by_gears} power" if uneven >= 1.0 else ""
+        way = f"if gears that lose {100.0 * lost:.0f} % of their load lose more in one direction than in the other"
+        of_gears = f", and of {uneven:.0f} % {way}" if uneven >= 1.0 else ""
         shift_kg = Drift.between_runs * abs(float(found.plain.drifting[0]))
+        if found.uncertainty.half_width_95[0] < 10.0 * EXACT * found.parameters.mass_kg:
+            yield f"{what}, and the known mass sets their scale. {allowed}."
+            return
         yield (
             f"{what}: the scale is not verified, and an error that all joints have in common gives the same relative "
-            f"error of the mass. The intervals allow, in 95 % of cases, for {each:.2g} % on each joint and for "
-            f"{all_together:.2g} % on all together{of_gears}. "
-            "A weighed payload verifies the scale: `armload calibrate`."
+            f"error of the mass. {allowed}, of {all_together:.2g} % on all together{of_gears}. A weighed payload "
+            "verifies the scale: `armload calibrate`."
         )
         if shift_kg > Drift.matters * found.uncertainty.half_width_95[0]:
             yield (
@@ -205,14 +209,14 @@ def _on_contradictions(gains: GainFit | None) -> Iterator[str]:
         return
     named = gains.contradicted | gains.possible
     if gains.disagree:
-        which = (
-            f"that of one of {numbered_joints(gains.possible)} is wrong"
+        one = (
+            f"a wrong gain of one of {numbered_joints(gains.possible)}"
             if gains.possible.any()
-            else "no single one of them explains that"
+            else "no wrong gain alone"
         )
         yield (
-            f"The drive gains contradict each other: {which}. {_DOUBTFUL} Check torque constants and gear ratios, or "
-            "calibrate the arm: `armload calibrate`."
+            f"The drive gains contradict each other, which {one} explains. {_DOUBTFUL} Check torque constants and gear "
+            "ratios, or calibrate the arm: `armload calibrate`."
         )
     for joint in np.flatnonzero(gains.contradicted):
         size, half_width = gains.log_gain[joint], gains.half_width_95[joint]
@@ -220,11 +224,10 @@ def _on_contradictions(gains: GainFit | None) -> Iterator[str]:
         off = f"{100.0 * abs(np.expm1(size)):.1f} % {'higher' if size > 0.0 else 'lower'}"
         allowed = NORMAL_HALF_WIDTH * gains.assumed_deviation[joint]
         yield (
-            f"The data contradict the drive gain of joint {joint + 1}: according to the other joints it is {off} "
-            f"than assumed (95 %, with what all gains have in common: {low} to {high}), and the intervals allow for "
-            f"{100.0 * allowed:.1f} %. "
-            "It was estimated with the payload. Check its torque constant and gear ratio, or calibrate the arm: "
-            "`armload calibrate`."
+            f"The data contradict the drive gain of joint {joint + 1}: if those of the other joints are within "
+            f"{100.0 * allowed:.1f} %, it is {off} than assumed (95 %, with what all gains have in common: {low} to "
+            f"{high}). It was estimated with the payload. Check its torque constant and gear ratio, or calibrate the "
+            "arm: `armload calibrate`."
         )
     hidden = ~named & (gains.noticeable > PayloadFit.unjudged_gain)
     unlimited = hidden & (gains.noticeable >= np.log1p(PayloadFit.unlimited_gain))
@@ -271,8 +274,7 @@ def _on_result(found: Identification) -> Iterator[str]:
     if not uncertainty.determined[:4].any():
         yield (
             "Not even the mass is determined: the motion is too small or too slow, the runs are too short, or the "
-            "payload is too light compared with the noise. Design an excitation with `armload design` and record more "
-            "periods."
+            "payload is too light. Design an excitation with `armload design`, and record more periods."
         )
     elif uncertainty.undetermined_names:
         yield "Not determined by these data: " + ", ".join(uncertainty.undetermined_names) + "."
@@ -335,8 +337,7 @@ def misfit_notes(found: Identification) -> Iterator[str]:
     if strange.any():
         yield (
             f"A payload does not explain the torque difference of {numbered_joints(strange)}: friction changed, as "
-            "when gears warm up or a brake drags, or the joint order of positions and currents or the configuration is "
-            "not this arm's."
+            "when gears warm up or a brake drags, or the order of joints or the configuration is not this arm's."
         )
 
 

@@ -21,9 +21,9 @@ TITLES: Final = {
 }
 REPEATABLE: Final = "Repeatable within the tolerance"
 _SCALE: Final = (
-    "Nothing weighed verifies the scale of the torque, which both identifications share: an error of it is the same "
-    "relative error of the mass. To know whether the payload is right, calibrate the arm with a weighed one: `armload "
-    "calibrate`."
+    "Both identifications share the scale of the torque, which no calibration with a weighed payload verifies: its "
+    "error is the same relative error of the mass, unless this payload was weighed. Calibrate the arm with a weighed "
+    "one to know whether it is right: `armload calibrate`."
 )
 _OWN_RUN: Final = (
     "The payload was identified from this recording, which therefore cannot confirm it. Validate it with a pair of "

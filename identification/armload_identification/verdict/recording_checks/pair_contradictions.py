@@ -234,8 +234,8 @@ def _refuse_small(scales: JointScales, *, gains_fitted: bool) -> None:
     if known[joint] and greatest < JointContradiction.least_share and not gains_fitted:
         raise EstimationError(
             f"joint {joint + 1} measures {scale[joint]:.2f} +- {half_width[joint]:.2f} of the payload torque "
-            "that the other joints imply, so that mass and centre of mass would be wrong: its rated torque, torque "
-            "constant or gear ratio is wrong. Correct the configuration or the log."
+            "that the other joints imply: its rated torque, torque constant or gear ratio is wrong, or changed between "
+            "the runs. Correct the configuration or the log, or record both runs again."
         )
 
 

@@ -179,7 +179,7 @@ def test_a_drift_of_the_gains_is_allowed_for_and_measured_by_a_reference(
     assert off < half
     assert (off < 0.02 * arm.payload.mass_kg) == measured
     (note,) = [line for line in screen.console.file.getvalue().splitlines() if "all gains" in line.lower()]
-    said = r"-[12]\.\d+ \+- .* %.*: corrected" if measured else "2 %.*as stated.* 1 % would change the mass by"
+    said = r"is corrected: -[12]\.\d+ \+- .* %" if measured else "2 %.*as stated.* 1 % would change the mass by"
     assert re.search(said, note)
     assert re.search(said, diary.history().drift)
     assert watching.moment().to_numbers()["gain_drift"] == found.gains.deviation

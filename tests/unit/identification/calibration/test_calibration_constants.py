@@ -275,14 +275,14 @@ def test_the_prior_is_stated_or_the_scatter_of_sessions_or_one_percent():
         (0.01, 0.005, (0.008 + 1.645 * 0.0044721) / 1.959964, ""),
         (-0.001, 0.005, 0.0044721, ""),
         (0.016, 0.005, (0.0128 + 1.645 * 0.0044721) / 1.959964, ""),
-        (0.018, 0.005, (0.0144 + 1.645 * 0.0044721) / 1.959964, "; by itself, the run says +1.8 %"),
+        (0.018, 0.005, (0.0144 + 1.645 * 0.0044721) / 1.959964, ", which alone indicates +1.8 %"),
     ],
 )
 def test_what_a_motion_says_of_a_drift_is_allowed_for_and_told_if_it_is_certain(found, deviation, expected, said):
     """With the prior of 1 %, four fifths of it with a deviation of 0.447 %."""
     left = SessionGains(0.0, 0.01, "as stated").beside(found, deviation)
     assert (left.log_factor, left.deviation) == (0.0, pytest.approx(expected, rel=1e-4))
-    assert left.origin == f"what this run leaves possible of 1 %, as stated{said}"
+    assert left.origin == f"from 1 %, as stated, and from the run itself{said}"
     measured = SessionGains(0.02, 0.003, "measured")
     assert measured.beside(found, deviation) is measured
 
@@ -293,7 +293,7 @@ def test_a_motion_that_contradicts_the_prior_counts_alone(said, told):
     left = SessionGains(0.0, 0.001, "as stated").beside(said, 0.0013)
     found, deviation = (said, 0.0013) if told else (0.3717 * said, 0.00079262)
     assert left.deviation == pytest.approx((abs(found) + 1.645 * deviation) / 1.959964, rel=1e-3)
-    assert (left.origin == "the run says -0.5 %, which contradicts 0.1 %, as stated") is told
+    assert (left.origin == "the run indicates -0.5 %, which contradicts 0.1 %, as stated") is told
 
 
 def test_a_run_of_the_session_is_such_a_motion(monkeypatch):
@@ -346,9 +346,9 @@ def test_the_factor_is_found_in_three_linearisations_from_the_rows(monkeypatch):
 
 def test_the_note_has_the_factor_or_what_a_percent_would_change():
     found = SessionGains(np.log(1.012), 0.004, "measured by a").note(2.0, 0.1)
-    assert "by +1.20 +- 0.78 % (measured by a): corrected" in found
+    assert "is corrected: +1.20 +- 0.78 % (measured by a)" in found
     assumed = SessionGains(0.0, 0.01, "as stated").note(2.0, -0.1)
-    assert "one standard deviation is 1 % (as stated), and 1 % would change the mass by 5.0 %" in assumed
+    assert "one standard deviation is 1 % (as stated); a drift of 1 % would change the mass by 5.0 %" in assumed
     assert assumed.endswith("measures it: `--reference` / `StatedDrift(reference=...)`.")
 
 

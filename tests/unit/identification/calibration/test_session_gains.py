@@ -57,7 +57,7 @@ def test_the_run_itself_says_how_large_it_can_be(calibration, pinocchio_arm, fac
     found = identify_runs(run, None, level, gains, arm=session.arm(calibration.known_arm))
     error, half_width = off(found, arm)
     assert error < half_width
-    assert bool(re.search(r"by itself, the run says -[23]\.", session.note(1.0, 0.0))) == (factor == DRIFT)
+    assert bool(re.search(r"which alone indicates -[23]\.", session.note(1.0, 0.0))) == (factor == DRIFT)
 
 
 @pytest.mark.parametrize("tool", [False, True])
@@ -71,8 +71,15 @@ def test_a_reference_of_the_session_measures_it(calibration, pinocchio_arm, tool
     assert LEAST <= session.deviation < 0.01
     error, half_width = off(identified(calibration, arm, session), arm)
     assert error < half_width < 0.1 * arm.payload.mass_kg
-    assert "-2.9" in session.note(1.0, 0.0)
-    assert ": corrected." in session.note(1.0, 0.0)
+    assert "is corrected: -2.9" in session.note(1.0, 0.0)
+    assert "far more than expected" not in session.origin
+
+
+def test_a_reference_that_carries_more_than_stated_is_doubted(calibration, pinocchio_arm):
+    """What it says of the drift is corrected as before."""
+    arm, prior = pinocchio_arm, SessionGains.assumed(calibration)
+    session = prior.measured(drifted(arm, True, 82), calibration, arm.chain, arm.transmission, None)
+    assert "far more than expected: check that it is of the same day and carried what is stated" in session.origin
 
 
 def test_the_prior_is_the_scatter_of_three_sessions_else_one_percent(calibration):
@@ -88,7 +95,7 @@ def test_the_prior_is_the_scatter_of_three_sessions_else_one_percent(calibration
     few = SessionGains.assumed(on_days(FEWEST_SESSIONS - 1))
     assert few.deviation == ASSUMED
     assert "fewer than 3" in few.note(10.0, 0.4)
-    assert "1 % would change the mass by 4.0 %" in few.note(10.0, 0.4)
+    assert "a drift of 1 % would change the mass by 4.0 %" in few.note(10.0, 0.4)
     known = SessionGains.assumed(on_days(FEWEST_SESSIONS))
     assert known.deviation == pytest.approx(np.hypot(0.02, LEAST))
     assert SessionGains.assumed(on_days(FEWEST_SESSIONS), 0.03).deviation == 0.03
@@ -122,8 +129,8 @@ def test_what_a_motion_says_and_the_prior_make_one_interval_from_zero(found, hal
     left = SessionGains(0.0, 0.02, "as stated").beside(found, 0.02)
     assert left.log_factor == 0.0
     assert 1.96 * left.deviation == pytest.approx(half_width, rel=1e-3)
-    contradicts = "the run says -8.2 %, which contradicts 2 %, as stated"
-    assert left.origin == (contradicts if said else "what this run leaves possible of 2 %, as stated")
+    contradicts = "the run indicates -8.2 %, which contradicts 2 %, as stated"
+    assert left.origin == (contradicts if said else "from 2 %, as stated, and from the run itself")
 
 
 def test_a_measured_factor_is_not_weakened_by_the_run():

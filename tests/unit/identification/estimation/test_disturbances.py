@@ -166,7 +166,7 @@ def test_all_that_alone_explain_it_are_named_and_none_if_two_are_needed():
     assert both.most_certain.of is Disturbed.HOSE
     (note,) = notes_on(both)
     assert note.startswith("The loaded run is as if a hose or cable held joint 5 back")
-    assert "and as if something else was wrong, too: the intervals may not hold." in note
+    assert "that alone does not explain it, the cause may be another, and the intervals may not hold." in note
     assert len(both.doubts()[0]) == JOINTS + 3
 
 

@@ -76,6 +76,7 @@ def found_of(share=0.01, **changes):
         "residual_nm": signal().torque_nm * np.asarray(share),
         "struck": np.zeros(SAMPLES, dtype=bool),
         "changed": False,
+        "parameters": SimpleNamespace(mass_kg=1.0),
         "plain_parameters": SimpleNamespace(margin=1.0),
         "uncertainty": SimpleNamespace(
             determined=np.ones(10, dtype=bool), undetermined_names=[], half_width_95=np.full(10, 0.1)
@@ -157,8 +158,8 @@ def test_pauses_are_told_with_how_often_every_part_was_measured_at_full_speed():
     ("calibrated", "by_torque", "said"),
     [
         (ALL, False, []),
-        (NONE, True, ["as reported", "not verified", "12 %", "for 3.9 % on all"]),
-        (NONE, False, ["nominal", "not verified", "12 %", "for 1.6 % on all"]),
+        (NONE, True, ["as reported", "not verified", "12 %", "of 3.9 % on all"]),
+        (NONE, False, ["nominal", "not verified", "12 %", "of 1.6 % on all"]),
         (np.array([True, False, True]), False, ["joint 2"]),
     ],
 )
@@ -167,6 +168,14 @@ def test_a_scale_that_nothing_verifies_is_named(calibrated, by_torque, said):
     found = notes(by_torque=by_torque, transmission=transmission)
     assert len(found) == bool(said)
     assert all(word in found[0] for word in said)
+
+
+def test_a_weighed_mass_sets_the_scale():
+    transmission = Transmission(np.ones(JOINTS), np.eye(JOINTS), NONE, 0.02**2 * np.eye(JOINTS))
+    sure = SimpleNamespace(determined=np.ones(10, dtype=bool), undetermined_names=[], half_width_95=np.full(10, 2e-5))
+    found = only(notes(transmission=transmission, uncertainty=sure))
+    assert "the known mass sets their scale" in found
+    assert "verifie" not in found
 
 
 @pytest.mark.parametrize(("drifting_kg", "told"), [(-24.9, False), (-25.1, True), (25.1, True)])
@@ -182,14 +191,14 @@ def test_gears_of_much_loss_are_named_with_what_they_may_do_to_the_scale():
     transmission = Transmission(np.ones(JOINTS), np.eye(JOINTS), NONE, 0.02**2 * np.eye(JOINTS))
     assert "gears" not in only(notes(transmission=transmission))
     lossy = only(notes(transmission=transmission, load_friction=np.array([0.05, 0.21, 0.1])))
-    assert "for 5 % by gears that lose 21 % of their load" in lossy
+    assert "of 5 % if gears that lose 21 % of their load lose more in one direction" in lossy
 
 
 def test_a_contradicted_gain_is_named_with_its_error_and_what_is_allowed():
     joint_2 = np.array([False, True, False])
     found = notes(gains=gains(contradicted=joint_2, log_gain=np.log([1.0, 1.10, 1.0])))
     note = only(found)
-    for word in ("joint 2", "10.0 % higher", "+8.9 % to +11.1 %", "3.9 %"):
+    for word in ("joint 2", "10.0 % higher", "+8.9 % to +11.1 %", "are within 3.9 %"):
         assert word in note
     assert "lower" in only(notes(gains=gains(contradicted=joint_2, log_gain=np.log([1.0, 0.9, 1.0]))))
 
@@ -197,10 +206,10 @@ def test_a_contradicted_gain_is_named_with_its_error_and_what_is_allowed():
 def test_gains_of_which_one_is_wrong_are_listed_together():
     two = np.array([True, False, True])
     note = only(notes(gains=gains(disagree=True, possible=two, noticeable=np.full(JOINTS, 0.01))))
-    assert "that of one of joints 1 and 3 is wrong" in note
+    assert "which a wrong gain of one of joints 1 and 3 explains" in note
     assert "may lie outside their intervals" in note
     none = only(notes(gains=gains(disagree=True, noticeable=np.full(JOINTS, 0.01))))
-    assert "no single one of them explains that" in none
+    assert "which no wrong gain alone explains" in none
 
 
 def test_a_gain_that_is_named_is_not_among_those_that_cannot_be_checked():

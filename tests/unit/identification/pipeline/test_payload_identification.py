@@ -150,7 +150,7 @@ def test_gears_that_lose_more_in_one_direction_lie_within_the_intervals_of_nomin
     truth = pinocchio_arm.payload.mass_kg
     assert found.parameters.mass_kg == pytest.approx(0.963 * truth, rel=0.005)
     assert abs(found.parameters.mass_kg - truth) < found.uncertainty.half_width_95[0] < 0.08 * truth
-    assert any("not equally in both directions" in note for note in found.notes)
+    assert any("of their load lose more in one direction" in note for note in found.notes)
     # An error of the gains, which another payload on the same arm has in common with this one.
     assert np.sqrt(np.diag(found.mass_center.gain_covariance)).min() > 1.3 * 0.6 * 0.2**2
     even = identify_runs(*run_pair(pinocchio_arm, noise=0.3), pinocchio_arm.chain, pinocchio_arm.transmission)

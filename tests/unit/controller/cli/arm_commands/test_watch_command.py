@@ -20,7 +20,7 @@ from armload_drivers.driver_errors import BusError
     ("stated", "said"),
     [
         (("--gain-drift", "3%"), "of 3 %, as stated"),
-        (("--reference", "unloaded_validation.mcap"), "(measured by unloaded_validation.mcap): corrected."),
+        (("--reference", "unloaded_validation.mcap"), "(measured by unloaded_validation.mcap)."),
         (("--reference", "loaded_validation.mcap", "--reference-mass", "9.814"), "(measured by loaded_validation"),
     ],
 )
