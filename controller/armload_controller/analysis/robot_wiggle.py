@@ -106,7 +106,7 @@ class DesignedWiggle(DesignedMotion):
         text = (
             f"{wiggle.periods} period{'' if wiggle.periods == 1 else 's'} of {wiggle.trajectory.period_s:g} s, "
             f"{self.measured_s:.1f} s with ramps, determine {self.arm.payloads.expected.mass_kg:g} kg "
-            f"to within {wiggle.half_width_kg:.3g} kg, {100.0 * self.share:.1f} % (95 %)\n"
+            f"to within {wiggle.half_width_kg:.3g} kg, {100.0 * self.share:.1f} % (95 %, without drift)\n"
             f"joints move by {way} degrees about {np.round(self.at_rad, 3).tolist()} rad\n"
             f"limits, workspace and torque are always respected; no point of the arm is faster than "
             f"{self.speed_m_s:.2f} m/s; the preceding slow round takes {self.path.slow_round_s:.0f} s at "

@@ -4,7 +4,7 @@
 
 with C from the calibration's noise, of which rows within its correlation time count as one, and S the sensitivity of
 the payload to gains and body: the covariance that `any_motion` computes from a recording if its residual equals the
-calibration's.
+calibration's and no gain has drifted.
 """
 
 from __future__ import annotations

@@ -144,7 +144,7 @@ def test_the_figures_of_a_design(designed):
 @pytest.mark.parametrize(("periods", "words"), [(1, "1 period of 2 s"), (3, "3 periods of 2 s")])
 def test_the_lines_about_a_design(designed, periods, words):
     first, second, third, last = str(designed(periods)).splitlines()
-    assert first == f"{words}, 8.5 s with ramps, determine 4 kg to within 0.05 kg, 1.2 % (95 %)"
+    assert first == f"{words}, 8.5 s with ramps, determine 4 kg to within 0.05 kg, 1.2 % (95 %, without drift)"
     assert second == "joints move by 11.5, 11.5 degrees about [0.9, 2.0] rad"
     assert "no point of the arm is faster than 0.25 m/s; the preceding slow round takes 61 s at" in third
     assert last == "the gripper is a sphere"
