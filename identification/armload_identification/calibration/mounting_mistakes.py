@@ -78,7 +78,7 @@ def refuse_other_mounting(shares: ResidualShares, chain: Chain, coupling: FloatA
             remedy = (
                 "Invert its axis in the robot's configuration"
                 if what == _POSITION_AND_EFFORT
-                else "Set the drive's polarity (607E) so that position and effort have the same direction"
+                else "Set the drive's polarity (607E), or correct the recordings, so that position and effort agree"
             )
             raise MountedDifferently(
                 f"joint {joint + 1} is inverted relative to its configuration: the residual of the runs is "

@@ -156,8 +156,7 @@ class SessionGains:
         return (
             "The intervals allow for a drift of all gains together since the calibration: one standard deviation is "
             f"{100.0 * self.deviation:.2g} % ({self.origin}); a drift of 1 % would change the mass by "
-            f"{per_percent:.1f} %. "
-            f"A run of the same day, empty or with a weighed tool, measures it: {REFERENCE}."
+            f"{per_percent:.1f} %. A run of the same day, empty or with a weighed tool, measures it: {REFERENCE}."
         )
 
     def arm(self, known: KnownArm) -> KnownArm:

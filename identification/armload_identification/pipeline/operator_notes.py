@@ -222,10 +222,10 @@ def _on_contradictions(gains: GainFit | None) -> Iterator[str]:
         size, half_width = gains.log_gain[joint], gains.half_width_95[joint]
         low, high = (f"{100.0 * np.expm1(value):+.1f} %" for value in (size - half_width, size + half_width))
         off = f"{100.0 * abs(np.expm1(size)):.1f} % {'higher' if size > 0.0 else 'lower'}"
-        allowed = NORMAL_HALF_WIDTH * gains.assumed_deviation[joint]
+        allowed = 100.0 * NORMAL_HALF_WIDTH * gains.assumed_deviation[joint]
         yield (
             f"The data contradict the drive gain of joint {joint + 1}: if those of the other joints are within "
-            f"{100.0 * allowed:.1f} %, it is {off} than assumed (95 %, with what all gains have in common: {low} to "
+            f"{allowed:.1f} %, it is {off} than assumed (95 %, with what all gains have in common: {low} to "
             f"{high}). It was estimated with the payload. Check its torque constant and gear ratio, or calibrate the "
             "arm: `armload calibrate`."
         )
@@ -301,8 +301,8 @@ def _on_calibrated_arm(plain: PayloadEstimate, arm: KnownArm | None) -> Iterator
     if strange.any():
         yield (
             f"The torque of {numbered_joints(strange)} fits more than {ArmFit.noisier:.0f} times worse than in the "
-            f"calibration: something pushed the arm, rows are too far apart, or a gain has changed. {_DOUBTFUL} Record "
-            "the runs again, without contact and at 50 Hz or more."
+            f"calibration: something pushed or held the arm, rows are too far apart, or a gain changed. {_DOUBTFUL} "
+            "Record the runs again, without contact and at 50 Hz or more."
         )
 
 
@@ -336,8 +336,8 @@ def misfit_notes(found: Identification) -> Iterator[str]:
     strange = (size > PayloadFit.loud * signal.averaged_noise_nm) & (rest > PayloadFit.poor_share * size)
     if strange.any():
         yield (
-            f"A payload does not explain the torque difference of {numbered_joints(strange)}: friction changed, as "
-            "when gears warm up or a brake drags, or the order of joints or the configuration is not this arm's."
+            f"A payload does not explain the torque difference of {numbered_joints(strange)}: friction changed (warm "
+            "gears, a dragging brake), a hose pulls, or the order of joints or the configuration is not this arm's."
         )
 
 

@@ -149,7 +149,7 @@ class RunColumns:
                 verb, whose = ("measures", "its") if len(joints) == 1 else ("measure", "their")
                 return (
                     f"{files}: {names} {verb} the opposite of the torque that the arm's links and friction require. "
-                    f"The sign of {whose} current or torque is flipped: correct it in the configuration or the log."
+                    f"The sign of {whose} current or torque is flipped: correct it in the drive (607E) or recording."
                 )
         one, other = (exchanged_columns(run, self.chain, self.coupling) for run in runs)
         exchange = one or other

@@ -208,7 +208,7 @@ def _refuse_opposite(signal: LoadSignal, regressor: FloatArray, others: FloatArr
     if size > 0.0 and np.mean(implied * measured) < Correlations.opposed * size:
         raise RecordingError(
             f"joint {joint + 1} measures the opposite of the payload torque that the other joints imply. "
-            "The sign of its current or torque is flipped: correct it in the configuration or the log."
+            "The sign of its current or torque is flipped: correct it in the drive (607E) or recording."
         )
 
 

@@ -210,7 +210,7 @@ def _refuse_fed_energy(run: Run) -> None:
         raise RecordingError(
             f"{rows.source.path}: the motors of {numbered_joints(_moves(run) & (work.sum(axis=0) < 0.0))} absorb "
             "energy overall, although friction should dissipate it. The sign of the current or torque is flipped: "
-            "correct it in the configuration or the log."
+            "correct it in the drive (607E) or the recording."
         )
 
 
