@@ -182,6 +182,9 @@ def test_a_drift_of_the_gains_is_allowed_for_and_measured_by_a_reference(
     said = r"is corrected: -[12]\.\d+ \+- .* %" if measured else "2 %.*as stated.* 1 % would change the mass by"
     assert re.search(said, note)
     assert re.search(said, diary.history().drift)
+    known = diary.history().known
+    assert known[-1]
+    assert not known[0]
     assert watching.moment().to_numbers()["gain_drift"] == found.gains.deviation
 
 

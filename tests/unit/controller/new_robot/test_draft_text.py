@@ -10,7 +10,7 @@ from armload_controller.control_errors import ConfigurationError
 from armload_controller.new_robot.arm_draft import draft_of_urdf
 from armload_controller.new_robot.arm_interview import interviewed
 from armload_controller.new_robot.drive_drafts import nodes_described
-from armload_controller.new_robot.payload_draft import tool_sphere
+from armload_controller.new_robot.payload_draft import cube, tool_sphere
 from armload_controller.new_robot.workspace_draft import workspace_of_urdf
 from armload_drivers.cia402.eds_parser import parse_description
 from armload_identification.model.chain import pose_from_xyz_rpy, rpy_rad
@@ -198,3 +198,12 @@ def test_what_is_assumed_of_a_joint_follows_from_its_speed_and_torque(drafted):
     np.testing.assert_allclose(limits.jerk_max_rad_s3, 400.0)
     assert file.text.count("torque_noise_nm = 0.4 ") == 5
     assert "assumed: 0.5 % of torque_max_nm" in file.text
+
+
+def test_an_unknown_payload_is_a_cube_before_the_flange_and_its_sphere_holds_it():
+    body, sphere = cube(2.0), tool_sphere(6, 2.0)
+    edge_m = 0.1  # of 2 kg at 2000 kg/m3
+    np.testing.assert_allclose(body.center_of_mass_m, [0.0, 0.0, 0.5 * edge_m])
+    np.testing.assert_allclose(body.inertia_about_com, 2.0 * edge_m**2 / 6.0 * np.eye(3), atol=1e-15)
+    np.testing.assert_allclose(sphere.center_m, body.center_of_mass_m)
+    assert 0.5 * np.sqrt(3.0) * edge_m <= sphere.radius_m < edge_m

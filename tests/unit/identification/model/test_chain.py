@@ -90,6 +90,14 @@ def test_roll_pitch_yaw_turn_about_fixed_axes():
     np.testing.assert_allclose(pose[:3, 3], [1, 2, 3])
 
 
+def test_a_turned_frame_has_its_z_along_the_axis():
+    chain = random_chain(np.random.default_rng(3))
+    for joint in range(chain.n):
+        turned = chain.turned_back(joint)
+        np.testing.assert_allclose(turned @ turned.T, np.eye(3), atol=1e-12)
+        np.testing.assert_allclose(turned @ chain.axis[joint], [0.0, 0.0, 1.0], atol=1e-12)
+
+
 @settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 10_000))
 def test_a_joint_turns_everything_behind_it_about_its_axis(seed):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from armload_identification.identification_errors import ModelError
-from armload_identification.model.finite_array import finite_array
+from armload_identification.model.finite_array import finite_array, set_fields
 
 pytestmark = pytest.mark.pure
 
@@ -27,3 +27,14 @@ def test_a_short_array_is_shown_whole():
 def test_one_number_may_not_be_finite():
     with pytest.raises(ModelError, match=r"time contains a number that is not finite: inf at \[40\] \(1 of 50 "):
         finite_array("time", np.where(np.arange(50) == 40, np.inf, 0.0), (50,))
+
+
+def test_arrays_of_a_frozen_object_cannot_be_changed():
+    class Holder:
+        pass
+
+    holder, given = Holder(), np.zeros(3)
+    set_fields(holder, {"gear": given, "name": "arm"})
+    with pytest.raises(ValueError, match="read-only"):
+        holder.gear[0] = 1.0
+    assert holder.name == "arm"

@@ -83,7 +83,7 @@ def recorded_halves(monkeypatch):
     halves = []
 
     def record_half(arm, load, open_servos, operator, plan):
-        halves.append((str(load), plan))
+        halves.append((str(load), plan, operator.consent.given))
         for role in ROLES:
             (plan.directory / f"{load}_{role}.mcap").touch()
         return [SimpleNamespace(duration_s=30.0, missing=np.array([1, 2]), skipped=4)] * 2
@@ -100,12 +100,19 @@ def recorded_halves(monkeypatch):
 def test_both_halves_are_recorded_and_evaluated(armload, recorded_halves, tmp_path):
     result = armload("commission", "prbt", "--output", tmp_path, "--mass-kg", "2", "--tolerance", "0.05", "0.01")
     assert str(result.exception) == "evaluated with 0.05"
-    assert [load for load, _ in recorded_halves] == ["unloaded", "loaded"]
-    assert {(plan.directory, plan.mass_kg, plan.slow_only) for _, plan in recorded_halves} == {(tmp_path, 2.0, False)}
+    assert [load for load, *_ in recorded_halves] == ["unloaded", "loaded"]
+    assert {(plan.directory, plan.mass_kg, plan.slow_only) for _, plan, _ in recorded_halves} == {(tmp_path, 2.0, False)}
     assert "payload 'gripper' mounted on the simulated flange\n" in result.output
     assert re.search(
         r"unloaded: 60 s of motion in 0 s \(.* times real time\), 6 feedback frames missing, 8 cycles sk", result.output
     )
+
+
+def test_consent_is_given_by_yes_alone(armload, recorded_halves, tmp_path):
+    for words, given in ((), False), (("--yes",), True):
+        armload("commission", "prbt", "--output", tmp_path / str(given), *words)
+        assert {agreed for *_, agreed in recorded_halves} == {given}
+        recorded_halves.clear()
 
 
 def test_the_empty_half_says_how_to_go_on_and_the_loaded_one_requires_it(armload, recorded_halves, tmp_path):
@@ -122,7 +129,7 @@ def test_the_empty_half_says_how_to_go_on_and_the_loaded_one_requires_it(armload
     assert "already contains these recordings, which are never overwritten" in str(again.exception)
     loaded = armload(*words, "loaded", "--output", tmp_path)
     assert str(loaded.exception) == "evaluated with 0.02"
-    assert [load for load, _ in recorded_halves] == ["unloaded", "loaded"]
+    assert [load for load, *_ in recorded_halves] == ["unloaded", "loaded"]
     assert "mounted on the simulated flange" not in loaded.output
 
 

@@ -161,6 +161,13 @@ def test_a_drive_without_an_object_behaves_as_the_standard_says_for_one_without_
     assert kept.values[od.ABORT_CONNECTION_OPTION.key] == 1
 
 
+def test_a_pdo_parameter_is_a_number_and_another_object_may_be_a_text():
+    text = {"DataType": "9", "DefaultValue": "a"}
+    with pytest.raises(DescriptionError, match=r"\[1A00sub1\] DataType: expected an integer: "):
+        described_dictionary(changes={"1A00sub1": text})
+    described_dictionary(changes={"6076": text})
+
+
 @pytest.mark.parametrize(("modes", "allowed"), [("0xC0", {0, 7, 8}), ("0x80", {0, 8}), ("0x80000001", {0, 1, 32})])
 def test_modes_are_those_of_the_file(modes, allowed):
     dictionary = described_dictionary(changes={"6502": {"DefaultValue": modes}})

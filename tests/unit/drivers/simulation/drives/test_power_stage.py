@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from armload_drivers.cia402 import object_dictionary as od
+from armload_drivers.cia402.arm_settings import VendorObject
 from armload_drivers.cia402.state_machine import POWERED, State
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits, build_dictionary
 from armload_drivers.simulation.drives.power_stage import PowerStage
@@ -338,3 +339,14 @@ def test_the_direction_of_the_axis_may_not_change_under_torque(stage):
 
 def test_a_stuck_drive_stays_where_it_is(stage):
     assert stage(stuck_in=State.READY_TO_SWITCH_ON).word(SHUTDOWN, SWITCH_ON, ENABLE) is State.READY_TO_SWITCH_ON
+
+
+def test_effort_is_also_in_the_vendors_object_where_the_drive_has_one(stage):
+    vendor = VendorObject(0x30D1, 2, od.DataType.I32, 1e-3)
+    plain, makers = stage(), stage({"vendor_effort": vendor})
+    for one in (plain, makers):
+        one.moves(0.0, torque_nm=20.0)
+        assert one.values[od.TORQUE_ACTUAL.key] == 100
+    key = od.Entry(0x30D1, 2, "effort", od.DataType.I32).key
+    assert key not in plain.values
+    assert makers.values[key] != 0
