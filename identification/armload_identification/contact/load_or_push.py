@@ -78,7 +78,7 @@ def _fits(columns: FloatArray, inverse: FloatArray, residual: FloatArray, shares
     right = np.einsum("iam,ia->im", columns, (inverse @ residual).reshape(count, n))
     pairs = np.einsum("iam,iajb,jbl->ijml", columns, inverse.reshape(count, n, count, n), columns, optimize=True)
     v = shares @ right
-    B = np.einsum("wj,wjml->wml", shares, np.tensordot(shares, pairs, 1))
+    B = ((shares[:, :, None] * shares[:, None]).reshape(-1, count**2) @ pairs.reshape(-1, m * m)).reshape(-1, m, m)
     covariance = np.linalg.inv(np.eye(m) + B)
     b = np.einsum("wij,wj->wi", covariance, v)
     logarithm = 0.5 * np.einsum("wi,wi->w", v, b) + 0.5 * np.linalg.slogdet(covariance)[1]
@@ -140,12 +140,15 @@ def _residual_of(means: ForceRows, known: RememberedState, noise: ResidualNoise)
     """(K n,) residuals that are not known, and (K n, K n) N^-1: noise with its memory, and what was not known."""
     count, n = means.residual_nm.shape
     tall = means.columns.reshape(count * n, -1)
-    whole = (tall @ known.covariance @ tall.T).reshape(count, n, count, n)
     together = np.exp(-np.abs(means.time_s[:, None] - means.time_s) / COLOUR_S)
+    # the noise of each joint is inverted alone, and what was not known joins it by Woodbury's identity
+    apart = np.zeros((count, n, count, n))
     for j in range(n):
-        whole[:, j, :, j] += noise.coloured_nm2[j] * together + np.diag(noise.white_nm2[j] + means.doubt_nm[:, j] ** 2)
-    inverse: FloatArray = np.asarray(np.linalg.inv(whole.reshape(count * n, count * n)), dtype=float)
-    return means.residual_nm.ravel() - tall @ known.value, inverse
+        white = np.diag(noise.white_nm2[j] + means.doubt_nm[:, j] ** 2)
+        apart[:, j, :, j] = np.linalg.inv(noise.coloured_nm2[j] * together + white)
+    seen = apart.reshape(count * n, -1) @ tall
+    unknown = known.covariance @ np.linalg.inv(np.eye(tall.shape[1]) + tall.T @ seen @ known.covariance)
+    return means.residual_nm.ravel() - tall @ known.value, apart.reshape(count * n, -1) - seen @ unknown @ seen.T
 
 
 def _payloads(
