@@ -10,15 +10,20 @@ stop.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from typing import Final, Self
+from collections.abc import Iterable
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.contact.contact_levels import BIN_S, BINS, HOLE_S, SLOW, STAMP_SIGMAS, STEP_S, STOPPING
-from armload_identification.estimation.empty_arm.known_arm_rows import MOVING, known_arm_columns, payload_scale
+from armload_identification.estimation.empty_arm.known_arm_rows import (
+    MOVING,
+    payload_scale,
+    under_load,
+    unloaded_columns,
+)
 from armload_identification.float_array import FloatArray
 from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates
@@ -33,8 +38,7 @@ _SEEN_ACCELERATION: Final = 2.0 * np.cumsum(np.cumsum(_CURVATURE))[: BINS - 2]
 """Weights of the true acceleration at the inner means in that of the fit."""
 
 
-@dataclass(frozen=True, eq=False)
-class ForceRows:
+class ForceRows(NamedTuple):
     """K rows of n joints.
 
     Attributes:
@@ -46,6 +50,7 @@ class ForceRows:
             the stamps of its samples scatter.
         acceleration_rad_s2: (K, n) acceleration.
         weight: (K, n) 0 to 1, how well a row shows a joint's friction.
+        inertia_kg_m2: (K, n) inertia about each joint, rotors included.
     """
 
     time_s: FloatArray
@@ -55,12 +60,7 @@ class ForceRows:
     doubt_nm: FloatArray
     acceleration_rad_s2: FloatArray
     weight: FloatArray
-
-    @classmethod
-    def none(cls, n: int) -> Self:
-        """No rows of n joints."""
-        nothing = np.zeros((0, n))
-        return cls(np.zeros(0), nothing, nothing, np.zeros((0, n, PAYLOAD + 3 * n)), nothing, nothing, nothing)
+    inertia_kg_m2: FloatArray
 
     @property
     def size(self) -> int:
@@ -69,16 +69,63 @@ class ForceRows:
 
     def part(self, chosen: slice | NDArray[np.bool_]) -> Self:
         """Some of the rows."""
-        return type(self)(*(getattr(self, field.name)[chosen] for field in fields(self)))
+        return type(self)(*[values[chosen] for values in self])
 
     def since(self, time_s: float) -> Self:
         """The rows from a time on, without a copy."""
         return self.part(slice(int(np.searchsorted(self.time_s, time_s)), None))
 
-    def and_then(self, later: Self) -> Self:
-        """These rows and later ones."""
-        pairs = ((getattr(self, field.name), getattr(later, field.name)) for field in fields(self))
-        return type(self)(*(np.concatenate(pair) for pair in pairs))
+    @classmethod
+    def joined(cls, parts: Iterable[Self]) -> Self:
+        """Rows in turn."""
+        return cls(*map(np.concatenate, zip(*parts, strict=True)))
+
+
+class MotionRow(NamedTuple):
+    """A row before it is known what the arm carries.
+
+    Attributes:
+        unloaded: The row without friction under load and without the links.
+        number: Number of the sample that completes it.
+        links_nm: (1, n) torque of the links.
+        turning: (1, n) friction per torque times the direction of motion.
+        stopping: (1, n) doubt per torque.
+    """
+
+    unloaded: ForceRows
+    number: float
+    links_nm: FloatArray
+    turning: FloatArray
+    stopping: FloatArray
+
+    def about(self, payload: FloatArray) -> ForceRows:
+        """The row with friction under load linearised about a payload, (10,) in units of its prior."""
+        row = self.unloaded
+        columns, through, carried = under_load(row.columns, self.links_nm, self.turning, payload)
+        residual, doubt = row.residual_nm - through * self.links_nm, row.doubt_nm + self.stopping * np.abs(carried)
+        return row._replace(columns=columns, residual_nm=residual, doubt_nm=doubt)
+
+
+class RecentRows:
+    """The rows of the last seconds, in arrays with room for as many again: one more moves none.
+
+    Attributes:
+        rows: They, without a copy.
+    """
+
+    def __init__(self, n: int) -> None:
+        one, columns = np.zeros((0, n)), np.zeros((0, n, PAYLOAD + 3 * n))
+        self.rows = self._room = ForceRows(np.zeros(0), one, one, columns, *[one] * 4)
+        self._end = 0
+
+    def add(self, later: ForceRows) -> None:
+        """Add later rows."""
+        size, end = self.rows.size + later.size, self._end + later.size
+        if end > self._room.size:
+            self._room, end = ForceRows.joined([self.rows, later] * 2), size
+        for values, fresh in zip(self._room, later, strict=True):
+            values[end - later.size : end] = fresh
+        self.rows, self._end = self._room.part(slice(end - size, end)), end
 
 
 class RowMaker:
@@ -91,99 +138,87 @@ class RowMaker:
 
     def __init__(self, calibration: ArmCalibration, chain: Chain, from_effort: FloatArray) -> None:
         self.chain = calibration.level(chain)
-        self.scale = payload_scale(calibration.level_nm)
         self._body, self._from_effort = calibration.body, from_effort
-        self._spread = calibration.friction_spread
-        n = chain.n
-        self._gathered: list[FloatArray] = []
-        self._sample_s = np.nan
-        self._bins = np.zeros((0, 1 + 2 * n))
-        self._row_s = -np.inf
+        self._units = calibration.friction_spread, payload_scale(calibration.level_nm)
+        self._weightless = self.chain.under(np.zeros(3))
+        self._gathered = self._bins = np.zeros((0, 2 + 2 * chain.n))
+        self._count, self._sample_s, self._row_s = 0, np.nan, -np.inf
 
-    def take(self, time_s: FloatArray, position: FloatArray, effort: FloatArray, theta: FloatArray) -> ForceRows:
-        """The rows that samples complete.
+    def take(self, time_s: FloatArray, position: FloatArray, effort: FloatArray) -> list[MotionRow]:
+        """The rows that samples complete, one by one.
 
         Args:
             time_s: (N,) stamps, increasing.
             position: (N, n) joint positions in rad.
             effort: (N, n) as the drives report it.
-            theta: (10,) the payload about which friction under load is linearised.
         """
-        n = self.chain.n
-        fresh = np.column_stack([time_s, position, effort @ self._from_effort])
+        number = np.arange(self._count, self._count + time_s.size)
+        fresh = np.column_stack([number, time_s, position, effort @ self._from_effort])
+        self._count += time_s.size
         self._bins = np.concatenate([self._bins, self._means(fresh[np.isfinite(fresh).all(axis=1)])])
-        times = self._bins[:, 0]
-        at = []
+        times, at = self._bins[:, 1].tolist(), []
         for k in range(_HALF, len(times) - _HALF):
             if times[k] - self._row_s >= STEP_S and 0.0 < times[k + _HALF] - times[k - _HALF] < HOLE_S:
                 at.append(k)
                 self._row_s = times[k]
         windows = self._bins[np.array(at, dtype=np.intp)[:, None] + np.arange(-_HALF, _HALF + 1)]
         self._bins = self._bins[-2 * _HALF :]
-        return self._rows(windows, theta) if at else ForceRows.none(n)
+        return self._rows(windows) if at else []
 
-    def _means(self, samples: FloatArray) -> FloatArray:
-        """(B, 1 + 2 n) means of samples over `BIN_S`; the last samples wait where another one would belong to them."""
-        means = []
-        for row in samples:
-            if self._gathered and row[0] - self._gathered[0][0] >= BIN_S:
-                means.append(self._mean())
-            self._gathered.append(row)
-            next_s = row[0] + (row[0] - self._sample_s)
-            if next_s - self._gathered[0][0] >= BIN_S:
-                means.append(self._mean())
-            self._sample_s = row[0]
-        return np.array(means).reshape(-1, self._bins.shape[1])
+    def _means(self, fresh: FloatArray) -> FloatArray:
+        """(B, 2 + 2 n) means of samples over `BIN_S`, each with the number of the sample with which it is known.
 
-    def _mean(self) -> FloatArray:
-        """Mean of the gathered samples."""
-        mean = np.asarray(np.mean(self._gathered, axis=0))
-        self._gathered = []
-        return mean
+        The last samples wait where another one would belong to them.
+        """
+        begin, waiting, samples = 0, len(self._gathered), np.concatenate([self._gathered, fresh])
+        times, means = samples[:, 1].tolist(), []
+        for k in range(waiting, len(times)):
+            for end, until_s in ((k, times[k]), (k + 1, times[k] + (times[k] - self._sample_s))):
+                if begin < end and until_s - times[begin] >= BIN_S:
+                    means.append(np.add.reduce(samples[begin:end]) / (end - begin))
+                    means[-1][0] = samples[k, 0]
+                    begin = end
+            self._sample_s = times[k]
+        self._gathered = samples[begin:]
+        return np.array(means).reshape(-1, samples.shape[1])
 
-    def _rows(self, windows: FloatArray, theta: FloatArray) -> ForceRows:
+    def _rows(self, windows: FloatArray) -> list[MotionRow]:
         """Rows of windows of means."""
         n, body = self.chain.n, self._body
-        middle = windows[:, _HALF, 0]
-        away = windows[:, :, 0] - (middle - body.torque_delay_s)[:, None]
+        middle, position, torque = windows[:, _HALF, 1], windows[:, :, 2 : 2 + n], windows[:, 1:-1, 2 + n :]
+        away = windows[:, :, 1] - (middle - body.torque_delay_s)[:, None]
         span = np.maximum(np.abs(away).max(axis=1), BIN_S)
         powers = (away / span[:, None])[:, :, None] ** np.arange(4)
-        normal = np.swapaxes(powers, 1, 2) @ powers
-        cubic = np.linalg.solve(normal, np.swapaxes(powers, 1, 2) @ windows[:, :, 1 : 1 + n])
-        q, dq, ddq = (
-            np.ascontiguousarray(factor * cubic[:, order] / (span**order)[:, None])
-            for order, factor in enumerate((1.0, 1.0, 2.0))
-        )
-        tau = np.tensordot(windows[:, 1:-1, 1 + n :], _SEEN_ACCELERATION, (1, 0))
+        turned = np.swapaxes(powers, 1, 2)
+        uncertain = np.linalg.inv(turned @ powers)
+        cubic = uncertain @ (turned @ position)
+        q, dq, ddq = cubic[:, 0].copy(), cubic[:, 1] / span[:, None], 2.0 * cubic[:, 2] / span[:, None] ** 2
         direction = smooth_sign(dq, body.reversal_speed_rad_s)
-        states = JointStates(q, dq, ddq)
-        columns, through, links, carried = known_arm_columns(self.chain, body, self._spread, self.scale, states, theta)
         steady = body.coulomb_nm + body.root_nm * np.sqrt(np.abs(dq))
         friction = direction * steady + body.viscous_nm_s_rad * dq + body.offset_nm
-        shaken = dq * _scatter_per_s(windows[:, :, 1 : 1 + n] - powers @ cubic, dq, normal, span)[:, None]
-        uneven = body.link_torque(self.chain, q, dq, ddq + shaken) - links + shaken @ body.rotor_mass_kg_m2
+        shaken = dq * _scatter_per_s(position - powers @ cubic, dq, uncertain, span)[:, None]
+        unit = np.tile(np.eye(n), (len(q), 1))
+        inertia = body.link_torque(self._weightless, np.repeat(q, n, axis=0), 0.0 * unit, unit).reshape(-1, n, n)
+        inertia += body.rotor_mass_kg_m2
+        uneven = (shaken[:, None] @ inertia)[:, 0]
         slowest = np.maximum(np.abs(dq) - span[:, None] * np.abs(ddq), 0.0)
         slow = 1.0 - np.tanh(slowest / (SLOW * body.reversal_speed_rad_s))
-        return ForceRows(
+        unloaded = ForceRows(
             time_s=middle,
             position_rad=q,
-            residual_nm=tau - through * links - ddq @ body.rotor_mass_kg_m2 - friction,
-            columns=columns,
-            doubt_nm=STOPPING * (body.coulomb_nm + body.load_friction * np.abs(carried)) * slow
-            + STAMP_SIGMAS * np.abs(uneven),
+            residual_nm=_SEEN_ACCELERATION @ torque - ddq @ body.rotor_mass_kg_m2 - friction,
+            columns=unloaded_columns(self.chain, body, *self._units, JointStates(q, dq, ddq)),
+            doubt_nm=STOPPING * body.coulomb_nm * slow + STAMP_SIGMAS * np.abs(uneven),
             acceleration_rad_s2=ddq,
             weight=moving_weights(dq, MOVING * body.reversal_speed_rad_s),
+            inertia_kg_m2=np.diagonal(inertia, axis1=1, axis2=2),
         )
-
-    def inertia_kg_m2(self, position: FloatArray) -> FloatArray:
-        """(n,) inertia about each joint in one position, rotors included."""
-        n, still = self.chain.n, np.zeros((self.chain.n + 1, self.chain.n))
-        unit = np.vstack([np.eye(n), np.zeros(n)])
-        torque = self._body.link_torque(self.chain, np.tile(position, (n + 1, 1)), still, unit)
-        return np.asarray(np.diag(torque[:n] - torque[n]) + np.diag(self._body.rotor_mass_kg_m2))
+        links, load = body.link_torque(self.chain, q, dq, ddq), body.load_friction
+        rows = windows[:, -1, 0], links[:, None], (load * direction)[:, None], (STOPPING * load * slow)[:, None]
+        return [MotionRow(unloaded.part(slice(k, k + 1)), *row) for k, row in enumerate(zip(*rows, strict=True))]
 
 
-def _scatter_per_s(left: FloatArray, dq: FloatArray, normal: FloatArray, span: FloatArray) -> FloatArray:
+def _scatter_per_s(left: FloatArray, dq: FloatArray, uncertain: FloatArray, span: FloatArray) -> FloatArray:
     """(K,) standard deviation of the acceleration per speed, in 1/s, by stamps that scatter.
 
     A stamp's error moves all joints along their speeds. What the cubic leaves of a smooth motion has small second
@@ -192,9 +227,9 @@ def _scatter_per_s(left: FloatArray, dq: FloatArray, normal: FloatArray, span: F
     Args:
         left: (K, B, n) positions minus the cubic.
         dq: (K, n) speeds.
-        normal: (K, 4, 4) normal matrix of the cubic.
+        uncertain: (K, 4, 4) inverse of the cubic's normal matrix.
         span: (K,) its unit of time.
     """
-    late_s = np.einsum("kbj,kj->kb", left, dq) / np.maximum(np.sum(dq**2, axis=1), 1e-12)[:, None]
+    late_s = (left @ dq[:, :, None])[:, :, 0] / np.maximum(np.sum(dq**2, axis=1), 1e-12)[:, None]
     deviation_s = np.sqrt(np.mean(np.diff(late_s, 2, axis=1) ** 2, axis=1) / 6.0)
-    return np.asarray(2.0 * np.sqrt(np.linalg.inv(normal)[:, 2, 2]) / span**2 * deviation_s)
+    return np.asarray(2.0 * np.sqrt(uncertain[:, 2, 2]) / span**2 * deviation_s)

@@ -16,7 +16,6 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.contact.arm_memory import ArmMemory, RememberedState
 from armload_identification.contact.contact_levels import (
     AT_ONCE,
@@ -43,13 +42,11 @@ from armload_identification.contact.contact_levels import (
     WHITE_MEMORY_S,
     WHITE_S,
 )
-from armload_identification.contact.force_rows import PAYLOAD, ForceRows, RowMaker
+from armload_identification.contact.force_rows import PAYLOAD, ForceRows, MotionRow, RecentRows
 from armload_identification.contact.load_or_push import Assessment, assess, payload_evidence
-from armload_identification.contact.something_acts import ResidualNoise, Test, acting
+from armload_identification.contact.something_acts import ResidualNoise, acting
 from armload_identification.float_array import FloatArray
 from armload_identification.model.chain import Chain
-from armload_identification.pipeline.estimator_constants import estimator_constants
-from armload_identification.signals.joint_torque import Transmission
 
 
 class Force(StrEnum):
@@ -93,75 +90,61 @@ class ForceWatch:
     """Watches one arm.
 
     Args:
-        chain: The configured arm.
-        transmission: Nominal gains, and coupling.
+        chain: The arm, with the tilt of its calibration.
+        coloured_nm2: (n,) variances of the calibration's residual.
 
     Attributes:
         state: The present state.
-
-    Raises:
-        ModelError: the calibration belongs to another arm.
     """
 
-    def __init__(self, calibration: ArmCalibration, chain: Chain, transmission: Transmission) -> None:
-        self._maker = RowMaker(calibration, chain, estimator_constants(calibration, chain, transmission).from_effort)
-        self._know_nothing(calibration.known_arm.noise_nm**2)
-        self._rows = ForceRows.none(chain.n)
+    def __init__(self, chain: Chain, coloured_nm2: FloatArray) -> None:
+        self._chain = chain
+        self._know_nothing(coloured_nm2)
         self._noticed_s = self._evident_s = self._before_s = 0.0
-        self._push_end_s = np.inf
-        self._looks = list(LOOKS_S)
-        self._looked_s = -np.inf
-        self._joints = np.zeros(chain.n, dtype=np.bool_)
+        self._push_end_s, self._looked_s = np.inf, -np.inf
+        self._looks, self._joints = list(LOOKS_S), np.zeros(chain.n, dtype=np.bool_)
 
     def _know_nothing(self, coloured_nm2: FloatArray) -> None:
         """Begin, with (n,) variances of the calibration's residual."""
         self.state = Force.FREE
-        self._memory = ArmMemory(PAYLOAD + 3 * self._maker.chain.n)
-        self._unlearnt = ForceRows.none(self._maker.chain.n)
+        self._memory = ArmMemory(PAYLOAD + 3 * self._chain.n)
+        self._recent = RecentRows(self._chain.n)
+        self._unlearnt: list[ForceRows] = []
         self._noise = ResidualNoise(coloured_nm2, coloured_nm2)
         self._seen_s, self._above = 0.0, 0
         self._last_mean: FloatArray | None = None
         self._base: RememberedState | None = None
 
-    def take(self, time_s: FloatArray, position: FloatArray, effort: FloatArray) -> list[ForceEvent]:
-        """Process samples.
-
-        Args:
-            time_s: (N,) stamps, increasing.
-            position: (N, n) joint positions in rad.
-            effort: (N, n) as calibrated.
-        """
+    def take(self, seen: MotionRow) -> list[ForceEvent]:
+        """Process one row."""
         known = self._base or self._memory.before(np.inf)
-        theta = np.zeros(PAYLOAD) if known is None else known.value[:PAYLOAD] * self._maker.scale
-        rows = self._maker.take(time_s, position, effort, theta)
-        if not rows.size:
-            return []
-        remembered_s = rows.time_s[-1] - REMEMBERED_S
-        rows = rows.since(remembered_s)  # a pause may lie between them
-        self._rows = self._rows.since(remembered_s).and_then(rows)
-        self._seen_s += min(float(rows.time_s[-1] - rows.time_s[0]) + 0.02, 0.02 * rows.size)
-        predicted = self._base or self._memory.before(float(rows.time_s[0]))
+        row = seen.about(np.zeros(PAYLOAD) if known is None else known.value[:PAYLOAD])
+        now_s = float(row.time_s[0])
+        self._recent.rows = self._recent.rows.since(now_s - REMEMBERED_S)
+        self._recent.add(row)
+        self._seen_s += 0.02
+        predicted = self._base or self._memory.before(now_s)
         if predicted is None or self._seen_s < KNOWN_S:
-            self._learn(rows)
+            self._learn(row)
             return []
-        inertia = self._maker.inertia_kg_m2(rows.position_rad[-1])
-        test = acting(self._rows, self._rows.size - rows.size, predicted, self._noise, inertia)
+        ratio, joints = acting(self._recent.rows, predicted, self._noise)
         if self._base is None:
-            return self._notice(rows, test, predicted)
-        if (test.ratio > EVIDENT).any():
-            self._evident_s = float(rows.time_s[np.flatnonzero(test.ratio > EVIDENT)[-1]])
-        return list(self._decide(self._base, float(rows.time_s[-1])))
+            return self._notice(row, ratio, joints)
+        if ratio > EVIDENT:
+            self._evident_s = now_s
+        return list(self._decide(self._base, now_s))
 
     def suspect(self) -> list[ForceEvent]:
         """Something else says, while nothing acts, that the payload has changed: look at it as after a notice."""
-        return self._begin(float(self._rows.time_s[-1]), np.zeros_like(self._joints)) if self._rows.size else []
+        rows = self._recent.rows
+        return self._begin(float(rows.time_s[-1]), np.zeros_like(self._joints)) if rows.size else []
 
-    def _learn(self, rows: ForceRows) -> None:
-        """Use rows in which nothing acts, some together."""
-        rows = self._unlearnt = self._unlearnt.and_then(rows)
-        if rows.size < PART_ROWS:
+    def _learn(self, row: ForceRows) -> None:
+        """Use a row in which nothing acts, some together."""
+        self._unlearnt.append(row)
+        if len(self._unlearnt) < PART_ROWS:
             return
-        self._unlearnt = rows.part(slice(0))
+        rows, self._unlearnt = ForceRows.joined(self._unlearnt), []
         predicted = self._memory.before(float(rows.time_s[0]))
         self._memory.add(rows, self._noise.density)
         if predicted is None:
@@ -177,21 +160,19 @@ class ForceWatch:
             self._noise = ResidualNoise(np.maximum(white, 0.05 * coloured), coloured)
         self._last_mean = mean
 
-    def _notice(self, rows: ForceRows, test: Test, predicted: RememberedState) -> list[ForceEvent]:
+    def _notice(self, row: ForceRows, ratio: float, joints: FloatArray) -> list[ForceEvent]:
         """Begin where the test has been above its bound for long enough, or a payload over some seconds is evident."""
-        for k, ratio in enumerate(test.ratio):
-            self._above = self._above + 1 if ratio > 1.0 else 0
-            if self._above >= HELD_ROWS or ratio > AT_ONCE:
-                return self._begin(float(rows.time_s[k]), np.abs(test.joints[k]) > FAR_SIGMAS)
-        now_s = float(rows.time_s[-1])
+        now_s, far = float(row.time_s[0]), np.abs(joints)
+        self._above = self._above + 1 if ratio > 1.0 else 0
+        if self._above >= HELD_ROWS or ratio > AT_ONCE:
+            return self._begin(now_s, far > FAR_SIGMAS)
         if self._seen_s >= LOOKS_FROM_S and now_s - self._looked_s >= LOOK_S:
             self._looked_s = now_s
             before = self._memory.before(now_s - BACK_S + OLD_S)
-            if before is not None and payload_evidence(self._rows, before, self._noise, now_s) > SUSPECT:
-                far = np.abs(test.joints[-1])
+            if before is not None and payload_evidence(self._recent.rows, before, self._noise, now_s) > SUSPECT:
                 return self._begin(now_s, far >= min(FAR_SIGMAS, float(far.max())))
         if not self._above:
-            self._learn(rows)
+            self._learn(row)
         return []
 
     def _begin(self, noticed_s: float, joints: NDArray[np.bool_]) -> list[ForceEvent]:
@@ -199,8 +180,7 @@ class ForceWatch:
         self._base = self._memory.before(noticed_s - OVER_S) or self._memory.before(noticed_s)
         if self._base is None:
             return []
-        self.state, self._above, self._last_mean = Force.ACTING, 0, None
-        self._unlearnt = self._unlearnt.part(slice(0))
+        self.state, self._above, self._last_mean, self._unlearnt = Force.ACTING, 0, None, []
         self._noticed_s = self._evident_s = noticed_s
         self._before_s = self._seen_s
         self._looks, self._joints = list(LOOKS_S), joints
@@ -209,14 +189,14 @@ class ForceWatch:
     def _decide(self, base: RememberedState, now_s: float) -> Iterator[ForceEvent]:
         """Look at the event when it is time, and see whether a push is over."""
         if self.state is Force.PUSHED and self._evident_s - self._noticed_s > max(self._before_s, OUTLASTS_S):
-            # What lasts longer than all before it is the rule: something acted before it, and what was learnt is wrong.
+            # What lasts longer than all before it is the rule: something acted before it, and what was learnt is wrong,
+            # also the payload about which the rows are linearised.
             self._know_nothing(self._noise.coloured_nm2)
-            self._rows = self._rows.part(slice(0))  # they were linearised about the wrong payload
             yield ForceEvent(ForceEventKind.PAYLOAD, now_s, self._noticed_s, self._joints)
             return
         if self._looks and now_s - self._noticed_s >= self._looks[0]:
             due_s = self._looks.pop(0)
-            found = assess(self._rows, base, self._noise, self._maker.chain, self._noticed_s)
+            found = assess(self._recent.rows, base, self._noise, self._chain, self._noticed_s)
             self._push_end_s = found.push_s[1]
             yield from self._judge(found, base, now_s, due_s, last=not self._looks)
         if self.state is Force.PUSHED and now_s - self._evident_s >= OVER_S:
@@ -244,7 +224,7 @@ class ForceWatch:
         """Go on with the same payload or another one."""
         if self._base is not None:
             self._memory.begin_anew(self._base, payload=payload)
-        self._rows = self._rows.since(from_s)
-        if self._rows.size:
-            self._memory.add(self._rows, self._noise.density)
+        self._recent.rows = self._recent.rows.since(from_s)
+        if self._recent.rows.size:
+            self._memory.add(self._recent.rows, self._noise.density)
         self.state, self._base, self._above = Force.FREE, None, 0

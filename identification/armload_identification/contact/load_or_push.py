@@ -13,7 +13,7 @@ H' and r = e - H x, summed over the means,
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -174,12 +174,8 @@ def _means(rows: ForceRows) -> ForceRows:
     starts = np.flatnonzero(np.diff(step, prepend=-1))
     counts = np.diff(np.append(starts, rows.size))
 
-    def mean(name: str) -> FloatArray:
-        values = getattr(rows, name)
-        return np.asarray(np.add.reduceat(values, starts, axis=0) / counts.reshape(-1, *[1] * (values.ndim - 1)))
-
-    means = ForceRows(*(mean(field.name) for field in fields(rows)))
+    means = ForceRows(*[(np.add.reduceat(values, starts, axis=0).T / counts).T for values in rows])
     doubt = np.maximum.reduceat(rows.doubt_nm, starts, axis=0)
     # a row's window still holds the stop or start of 40 ms ago: the newest mean may be of a single such row
     doubt[1:] = np.maximum(doubt[1:], doubt[:-1])
-    return replace(means, time_s=rows.time_s[starts], doubt_nm=doubt)
+    return means._replace(time_s=rows.time_s[starts], doubt_nm=doubt)

@@ -11,6 +11,7 @@ References:
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -50,67 +51,49 @@ class ResidualNoise:
         """(n,) spectral density at frequency zero, (N m)^2 s."""
         return np.asarray(self.white_nm2 * WHITE_S + self.coloured_nm2 * 2.0 * COLOUR_S)
 
-    def of_means(self, windows_s: FloatArray) -> FloatArray:
-        """(W, n) variance of means over W windows."""
-        ratio = windows_s[:, None] / COLOUR_S
+    @cached_property
+    def of_means(self) -> FloatArray:
+        """(W, n) variance of means over the windows of the test."""
+        ratio = _WINDOWS_S[:, None] / COLOUR_S
         coloured = 2.0 / ratio * (1.0 - (1.0 - np.exp(-ratio)) / ratio)
-        return np.asarray(self.white_nm2 * WHITE_S / windows_s[:, None] + self.coloured_nm2 * coloured)
+        return np.asarray(self.white_nm2 * WHITE_S / _WINDOWS_S[:, None] + self.coloured_nm2 * coloured)
 
 
-@dataclass(frozen=True, eq=False)
-class Test:
-    """The test at K times.
-
-    Attributes:
-        ratio: (K,) greatest statistic as a share of its bound; above 1 something acts.
-        joints: (K, n) residual of each joint in standard deviations, in the window of the greatest ratio.
-    """
-
-    ratio: FloatArray
-    joints: FloatArray
-
-
-def bound(sigmas: FloatArray, freedoms: int) -> FloatArray:
-    """Bound of a chi-squared variable (Wilson and Hilferty 1931).
-
-    Args:
-        sigmas: Standard deviations of a normal variable with the same probability.
-        freedoms: Degrees of freedom.
-    """
+@cache
+def bounds(freedoms: int) -> FloatArray:
+    """(W,) bounds of a chi-squared variable with so many degrees of freedom (Wilson and Hilferty 1931)."""
     third = 2.0 / (9.0 * freedoms)
-    return np.asarray(freedoms * (1.0 - third + sigmas * np.sqrt(third)) ** 3)
+    return np.asarray(freedoms * (1.0 - third + _TAIL_SIGMAS * np.sqrt(third)) ** 3)
 
 
-def acting(
-    rows: ForceRows, since: int, known: RememberedState, noise: ResidualNoise, inertia_kg_m2: FloatArray
-) -> Test:
-    """Test the newest rows.
+def acting(rows: ForceRows, known: RememberedState, noise: ResidualNoise) -> tuple[float, FloatArray]:
+    """Test the newest row.
 
     Args:
         rows: Rows of the last seconds.
-        since: Index of the first row to test.
         known: What is known of payload and friction.
-        inertia_kg_m2: (n,) inertia about each joint.
+        noise: The residual's noise.
+
+    Returns:
+        Greatest statistic as a share of its bound, above 1 if something acts; and (n,) residual of each joint in
+        standard deviations, in the window of the greatest share.
     """
-    tested = rows.size - since
-    rows = rows.since(rows.time_s[since] - WINDOWS_S[-1])
-    n = rows.residual_nm.shape[1]
-    stacked = np.concatenate([rows.columns, np.stack([rows.residual_nm, rows.doubt_nm], axis=2)], axis=2)
-    sums = np.concatenate([np.zeros((1, *stacked.shape[1:])), np.cumsum(stacked, axis=0)])
-    ends = np.arange(rows.size - tested, rows.size) + 1
-    # (W, K) from here on
-    starts = np.searchsorted(rows.time_s, rows.time_s[ends - 1] - _WINDOWS_S[:, None], side="right")
-    number = ends - starts
-    mean = (sums[ends] - sums[starts]) / number[:, :, None, None]
-    H, doubt = mean[..., :-2], mean[..., -1]
-    z = mean[..., -2] - H @ known.value
+    rows = rows.since(rows.time_s[-1] - WINDOWS_S[-1])
+    size, n = rows.residual_nm.shape
+    starts = np.searchsorted(rows.time_s, rows.time_s[-1] - _WINDOWS_S, side="right")
+    number = size - starts
+    share = (np.arange(size) >= starts[:, None]) / number[:, None]
+    H = (share @ rows.columns.reshape(size, -1)).reshape(len(share), n, -1)
+    doubt = share @ rows.doubt_nm
+    z = share @ rows.residual_nm - H @ known.value
     z = np.sign(z) * np.maximum(np.abs(z) - BOUNDED * doubt, 0.0)
-    changed = [[np.ptp(rows.acceleration_rad_s2[a:b], axis=0) for a, b in zip(of, ends, strict=True)] for of in starts]
-    jerk = JERK * inertia_kg_m2 * np.maximum(np.array(changed) - QUIET_RAD_S2, 0.0)
-    own = noise.of_means(_WINDOWS_S)[:, None] + (UNBOUNDED * doubt) ** 2 + jerk**2
-    S = H @ known.covariance @ np.swapaxes(H, 2, 3) + own[..., None] * np.eye(n)
-    statistic = np.einsum("wki,wki->wk", z, np.linalg.solve(S, z[..., None])[..., 0])
-    filled = number * 0.02 >= LEAST_FILLED * _WINDOWS_S[:, None]
-    ratio = np.where(filled, statistic / bound(_TAIL_SIGMAS, n)[:, None], 0.0)
-    best = np.argmax(ratio, axis=0), np.arange(ends.size)
-    return Test(ratio[best], (z / np.sqrt(np.diagonal(S, axis1=2, axis2=3)))[best])
+    back = rows.acceleration_rad_s2[::-1]
+    changed = (np.maximum.accumulate(back) - np.minimum.accumulate(back))[number - 1]
+    jerk = JERK * rows.inertia_kg_m2[-1] * np.maximum(changed - QUIET_RAD_S2, 0.0)
+    S = H @ known.covariance @ np.swapaxes(H, 1, 2)
+    variance = np.einsum("wii->wi", S)
+    variance += noise.of_means + (UNBOUNDED * doubt) ** 2 + jerk**2
+    statistic = np.sum(z * np.linalg.solve(S, z[:, :, None])[:, :, 0], axis=1)
+    ratio = np.where(number * 0.02 >= LEAST_FILLED * _WINDOWS_S, statistic / bounds(n), 0.0)
+    best = int(np.argmax(ratio))
+    return float(ratio[best]), z[best] / np.sqrt(variance[best])

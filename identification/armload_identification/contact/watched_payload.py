@@ -19,9 +19,11 @@ import numpy as np
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.calibration.session_gains import SessionGains
 from armload_identification.contact.contact_levels import BIN_S, KEPT_S, OVER_S, SETTLED_S, STATE_S
+from armload_identification.contact.force_rows import MotionRow, RowMaker
 from armload_identification.contact.force_watch import Force, ForceEvent, ForceEventKind, ForceWatch
 from armload_identification.float_array import FloatArray
 from armload_identification.model.chain import Chain
+from armload_identification.pipeline.estimator_constants import estimator_constants
 from armload_identification.pipeline.recursive_estimator import LivePayload, PayloadEstimator
 from armload_identification.signals.joint_torque import Transmission
 
@@ -51,14 +53,20 @@ class WatchedPayload:
         session: SessionGains | None = None,
     ) -> None:
         self._arm, self._session = (calibration, chain, transmission), session
-        self._estimator, self._force = PayloadEstimator(*self._arm, session), ForceWatch(*self._arm)
+        self._estimator = PayloadEstimator(*self._arm, session)
+        self._onset_s, self._part_changes = 0.0, 0
+        self._events: list[ForceEvent] = []
+        self._begin()
+
+    def _begin(self, *unseen: Samples) -> None:
+        """Begin to look for forces, in samples that are not processed yet."""
+        self._maker = RowMaker(*self._arm[:2], estimator_constants(*self._arm).from_effort)
+        self._force = ForceWatch(self._maker.chain, self._arm[0].known_arm.noise_nm ** 2)
         self._states: list[tuple[float, PayloadEstimator]] = []
         self._samples: list[Samples] = []
-        self._part: list[Samples] = []
-        self._part_end_s, self._part_changes = -np.inf, 0
+        self._unseen, self._rows, self._count = list(unseen), list[MotionRow](), 0
+        self._part_end_s = -np.inf
         self._held: LivePayload | None = None
-        self._onset_s = 0.0
-        self._events: list[ForceEvent] = []
 
     @property
     def force(self) -> Force:
@@ -84,17 +92,17 @@ class WatchedPayload:
             effort: (N, n) as calibrated.
         """
         start = 0
+        self._unseen.append((time_s, position, effort))
         while start < time_s.size:
             if self._samples and time_s[start] < self._samples[-1][0][-1] - _CLOCK_BACK_S:
-                self._states, self._samples, self._held, self._force = [], [], None, ForceWatch(*self._arm)
-                self._part, self._part_end_s = [], -np.inf
+                self._begin((time_s[start:], position[start:], effort[start:]))
             end = start + int(np.searchsorted(time_s[start:], self._part_end_s)) + 1
             piece = time_s[start:end], position[start:end], effort[start:end]
             self._estimator.update_all(*piece)
             self._samples.append(piece)
-            self._part.append(piece)
+            self._count += piece[0].size
             if piece[0][-1] >= self._part_end_s:
-                self._end_part()
+                self._end_part(float(piece[0][-1]))
             start = end
 
     def estimate(self) -> LivePayload:
@@ -108,16 +116,18 @@ class WatchedPayload:
         events, self._events = self._events, []
         return events
 
-    def _end_part(self) -> None:
+    def _end_part(self, now_s: float) -> None:
         """Look for forces in a part."""
-        time_s, position, effort = (np.concatenate(values) for values in zip(*self._part, strict=True))
-        self._samples[-len(self._part) :] = [(time_s, position, effort)]
-        now_s, self._part = float(time_s[-1]), []
         self._part_end_s = now_s + BIN_S
+        if self._unseen:  # at once what came at once, also samples of later parts
+            self._rows += self._maker.take(*_joined(self._unseen))
+            self._unseen = []
         while self._samples[0][0][-1] < now_s - KEPT_S:
             del self._samples[0]
         was = self._force.state
-        events = self._force.take(time_s, position, effort)
+        events: list[ForceEvent] = []
+        while self._rows and self._rows[0].number < self._count:
+            events += self._force.take(self._rows.pop(0))
         if self._estimator.changes != self._part_changes and was is self._force.state is Force.FREE:
             events += self._force.suspect()
         for event in events:
@@ -164,6 +174,11 @@ class WatchedPayload:
 
     def _replay(self, after_s: float, until_s: float = np.inf) -> None:
         """Give the estimator kept samples again."""
-        for time_s, position, effort in self._samples:
-            part = slice(*np.searchsorted(time_s, (after_s, until_s), side="right"))
-            self._estimator.update_all(*(np.ascontiguousarray(values[part]) for values in (time_s, position, effort)))
+        time_s, position, effort = _joined(self._samples)
+        again = (after_s < time_s) & (time_s <= until_s)
+        self._estimator.update_all(time_s[again], position[again], effort[again])
+
+
+def _joined(pieces: list[Samples]) -> tuple[FloatArray, ...]:
+    """Samples in turn."""
+    return tuple(np.concatenate(values) for values in zip(*pieces, strict=True))

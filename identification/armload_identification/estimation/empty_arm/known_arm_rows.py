@@ -41,15 +41,10 @@ def payload_scale(effort_nm: FloatArray) -> FloatArray:
     return mass * np.array([1.0] + [_TOOL_M] * 3 + [_TOOL_M**2] * 6)
 
 
-def known_arm_columns(
-    chain: Chain,
-    body: BodyModel,
-    spread: FloatArray,
-    scale: FloatArray,
-    states: JointStates,
-    theta: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Columns of payload and changes of friction in units of their priors, and the torques they are made with.
+def unloaded_columns(
+    chain: Chain, body: BodyModel, spread: FloatArray, scale: FloatArray, states: JointStates
+) -> FloatArray:
+    """(K, n, 10 + 3 n) columns of payload and changes of friction in units of their priors; no friction under load.
 
     Args:
         chain: The arm, with the tilt of its calibration.
@@ -57,21 +52,32 @@ def known_arm_columns(
         spread: (3, n) unit of the changes of friction.
         scale: (10,) unit of the payload's parameters.
         states: (K, n) each.
-        theta: (10,) the payload about which friction under load is linearised.
-
-    Returns:
-        (K, n, 10 + 3 n) columns; (K, n) derivative of a joint's torque, friction included, by the torque that its gear
-        carries; (K, n) torque of the links; and (K, n) that with the payload's.
     """
     dq = states.velocity_rad_s
-    direction = smooth_sign(dq, body.reversal_speed_rad_s)
-    regressor = payload_regressor(chain, *states)
-    links_nm = body.link_torque(chain, *states)
-    carried_nm = links_nm + regressor @ theta
-    through = 1.0 + body.load_friction * direction * np.sign(carried_nm)
-    own = np.concatenate([direction, dq, np.ones_like(dq)], axis=1) * spread.ravel()
+    own = np.concatenate([smooth_sign(dq, body.reversal_speed_rad_s), dq, np.ones_like(dq)], axis=1) * spread.ravel()
     changes = own[:, None, :] * np.tile(np.eye(chain.n), CHANGES)
-    return np.concatenate([through[:, :, None] * regressor * scale, changes], axis=2), through, links_nm, carried_nm
+    return np.concatenate([payload_regressor(chain, *states) * scale, changes], axis=2)
+
+
+def under_load(
+    columns: FloatArray, links_nm: FloatArray, turning: FloatArray, payload: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Columns with the friction under load, linearised about a payload.
+
+    Args:
+        columns: (K, n, 10 + 3 n) without it.
+        links_nm: (K, n) torque of the links.
+        turning: (K, n) friction per torque times the direction of motion.
+        payload: (10,) in units of its prior.
+
+    Returns:
+        The columns; (K, n) derivative of a joint's torque, friction included, by the torque that its gear carries; and
+        (K, n) that torque.
+    """
+    unit, changes = columns[:, :, : len(payload)], columns[:, :, len(payload) :]
+    carried_nm = links_nm + unit @ payload
+    through = 1.0 + turning * np.sign(carried_nm)
+    return np.concatenate([through[:, :, None] * unit, changes], axis=2), through, carried_nm
 
 
 class KnownArmRows(Struct, frozen=True, eq=False):
@@ -100,9 +106,11 @@ class KnownArmRows(Struct, frozen=True, eq=False):
             theta: (10,) the payload about which friction under load is linearised.
             noise_nm: (n,) or (K, n) noise of a row far from reversals, as if rows were independent.
         """
-        scale = payload_scale(arm.level_nm)
-        columns, *_ = known_arm_columns(chain, arm.body, arm.friction_spread, scale, states, theta)
-        weight = moving_weights(states.velocity_rad_s, MOVING * arm.body.reversal_speed_rad_s) / noise_nm
+        body, scale = arm.body, payload_scale(arm.level_nm)
+        unloaded = unloaded_columns(chain, body, arm.friction_spread, scale, states)
+        turning = body.load_friction * smooth_sign(states.velocity_rad_s, body.reversal_speed_rad_s)
+        columns, *_ = under_load(unloaded, body.link_torque(chain, *states), turning, theta / scale)
+        weight = moving_weights(states.velocity_rad_s, MOVING * body.reversal_speed_rad_s) / noise_nm
         return cls((columns * weight[:, :, None]).reshape(-1, columns.shape[2]), weight, scale)
 
     def covariance(self, repeats: float = 1.0) -> FloatArray:

@@ -6,10 +6,15 @@ import numpy as np
 import pytest
 
 from armload_identification.contact.contact_levels import BINS, STAMP_SIGMAS, STOPPING
-from armload_identification.contact.force_rows import RowMaker
+from armload_identification.contact.force_rows import ForceRows, RecentRows, RowMaker
 from armload_identification.pipeline.estimator_constants import estimator_constants
 
 SPEED_RAD_S, SAMPLES = 0.5, 100
+
+
+def joined(rows):
+    """They about no payload."""
+    return ForceRows.joined([row.about(np.zeros(10)) for row in rows])
 
 
 def stopped(moved, step_s, **friction):
@@ -28,9 +33,9 @@ def stopped(moved, step_s, **friction):
     torque = body.torque(calibration.level(chain), position, velocity, acceleration)
     from_effort = estimator_constants(calibration, chain, transmission).from_effort
     rows = RowMaker(calibration, chain, from_effort).take(
-        step_s * np.arange(SAMPLES), position, torque @ np.linalg.inv(from_effort), np.zeros(10)
+        step_s * np.arange(SAMPLES), position, torque @ np.linalg.inv(from_effort)
     )
-    return rows, step_s * middle, torque[:, 0]
+    return joined(rows), step_s * middle, torque[:, 0]
 
 
 def test_an_abrupt_stop_leaves_no_residual(moved):
@@ -60,7 +65,7 @@ def moving_steadily(moved, late_s):
     torque = calibration.body.torque(calibration.level(chain), position, velocity, np.zeros_like(position))
     from_effort = estimator_constants(calibration, chain, transmission).from_effort
     effort = torque @ np.linalg.inv(from_effort)
-    return RowMaker(calibration, chain, from_effort).take(time_s + late_s, position, effort, np.zeros(10))
+    return joined(RowMaker(calibration, chain, from_effort).take(time_s + late_s, position, effort))
 
 
 def test_a_joint_is_uncertain_by_what_scattered_stamps_do_to_its_acceleration(moved):
@@ -71,3 +76,33 @@ def test_a_joint_is_uncertain_by_what_scattered_stamps_do_to_its_acceleration(mo
     assert (off < doubt).mean() > 0.95
     assert np.sqrt(np.mean(doubt**2)) == pytest.approx(STAMP_SIGMAS * np.sqrt(np.mean(off**2)), rel=0.15)
     assert moving_steadily(moved, np.zeros(400)).doubt_nm[:, 0].max() < 1e-6
+
+
+def test_rows_are_the_same_however_samples_come_and_known_with_the_same_sample(moved):
+    calibration, chain, transmission = moved.watched_arm
+    from_effort = estimator_constants(calibration, chain, transmission).from_effort
+    motion = moved.until(2.0, moved.loaded)
+    whole = RowMaker(calibration, chain, from_effort).take(*motion)
+    made, single = RowMaker(calibration, chain, from_effort), []
+    for k in range(motion[0].size):
+        rows = made.take(*(values[k : k + 1] for values in motion))
+        assert all(row.number == k for row in rows)
+        single += rows
+    assert [row.number for row in single] == [row.number for row in whole]
+    payload = np.random.default_rng(1).normal(size=10)
+    for one, other in zip(single, whole, strict=True):
+        for value, expected in zip(one.about(payload), other.about(payload), strict=True):
+            np.testing.assert_allclose(value, expected, rtol=1e-9, atol=1e-9)
+
+
+def test_recent_rows_are_those_that_were_added_and_not_left_out():
+    recent, kept = RecentRows(2), []
+    for k in range(100):
+        row = ForceRows(
+            np.array([float(k)]), *[np.full((1, 2), float(k))] * 2, np.full((1, 2, 16), k), *[np.full((1, 2), k)] * 4
+        )
+        recent.rows = recent.rows.since(k - 7.0)
+        recent.add(row)
+        kept = [*kept, k][-8:]
+        assert recent.rows.time_s.tolist() == kept
+        assert recent.rows.columns[:, 1, 3].tolist() == kept

@@ -94,7 +94,7 @@ def explained(pinocchio_arm):
         if event == "hung on":
             weight = payload_regressor(chain, state.position_rad, still, still)[:, :, 0]
             residual += np.where((time_s >= ONSET_S) & (time_s < until_s), mass, 0.0)[:, None] * weight
-        rows = ForceRows(time_s, state.position_rad, residual, columns, still, still, still + 1.0)
+        rows = ForceRows(time_s, state.position_rad, residual, columns, still, still, still + 1.0, still)
         unknowns = columns.shape[2]
         known = RememberedState(0.0, np.zeros(unknowns), 1e-6 * np.eye(unknowns))
         variance = np.full(chain.n, 0.3**2 * STEP_S / DECISION_STEP_S)

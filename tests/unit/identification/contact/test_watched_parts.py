@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import ClassVar
 
 import numpy as np
 import pytest
 
+from armload_identification.contact import watched_payload
 from armload_identification.contact.contact_levels import BIN_S
 from armload_identification.contact.force_watch import Force, ForceEvent, ForceEventKind
 from armload_identification.contact.watched_payload import WatchedPayload
@@ -53,8 +55,8 @@ class Watch:
         self.state, self.parts, self.suspected = Force.FREE, [], 0
         Watch.made.append(self)
 
-    def take(self, time_s, *_):
-        self.parts.append(time_s)
+    def take(self, row):
+        self.parts.append(row.time_s)
         events = self.events.get(len(self.parts), [])
         for event in events:
             acting = event.kind in {ForceEventKind.ACTING, ForceEventKind.PUSH}
@@ -66,16 +68,38 @@ class Watch:
         return []
 
 
+class Maker:
+    """Makes a row of each part."""
+
+    chain = None
+
+    def __init__(self, *_):
+        self.waiting, self.count, self.end_s, self.given = [], 0, -np.inf, []
+
+    def take(self, time_s, *_):
+        self.given.append(time_s.size)
+        rows = []
+        for now_s in time_s:
+            self.waiting.append(now_s)
+            if now_s >= self.end_s:
+                rows.append(SimpleNamespace(number=self.count, time_s=np.array(self.waiting)))
+                self.waiting, self.end_s = [], now_s + watched_payload.BIN_S
+            self.count += 1
+        return rows
+
+
 @pytest.fixture
 def watched(monkeypatch):
     """A watch in which something happens after parts of a tenth of a second."""
     monkeypatch.setattr(f"{ROOM}.watched_payload.BIN_S", 0.1)
     monkeypatch.setattr(f"{ROOM}.watched_payload.PayloadEstimator", Estimator)
     monkeypatch.setattr(f"{ROOM}.watched_payload.ForceWatch", Watch)
+    monkeypatch.setattr(f"{ROOM}.watched_payload.RowMaker", Maker)
+    monkeypatch.setattr(f"{ROOM}.watched_payload.estimator_constants", lambda *_: SimpleNamespace(from_effort=None))
 
     def watched(**events):
         Watch.events, Watch.made = {int(part[1:]): [event] for part, event in events.items()}, []
-        return WatchedPayload(None, None, None)
+        return WatchedPayload(SimpleNamespace(known_arm=SimpleNamespace(noise_nm=1.0)), None, None)
 
     return watched
 
@@ -109,6 +133,7 @@ def test_forces_are_looked_for_in_the_same_parts_however_the_samples_come(watche
     give(arm, 0, 211, at_once)
     parts = Watch.made[0].parts
     assert [len(part) for part in parts] == [1] + [7] * 30
+    assert sum(arm._maker.given) == 211
     np.testing.assert_allclose([part[-1] for part in parts], 7 * TICK_S * np.arange(31))
     assert numbers(arm) == list(range(211))
     assert arm.estimate() == Estimate(211, 0, 210 * TICK_S)
@@ -124,13 +149,12 @@ def test_a_push_waits_for_no_more_samples_than_come_within_ten_milliseconds(monk
 
 
 def test_a_state_is_kept_each_half_second_and_samples_for_twelve_seconds(watched):
-    """Every fifth part, 0.547 s; of 41 states the last 25. Of 201 parts those that end 768 samples before the last."""
+    """Every fifth part, 0.547 s; of 41 states the last 25. The samples of 768 steps before the last."""
     arm = watched()
     give(arm, 0, 1401)
     assert states(arm) == [35 * number for number in range(16, 41)]
     assert [len(state.seen) for _, state in arm._states] == [1 + 35 * number for number in range(16, 41)]
-    assert len(arm._samples) == 110
-    assert arm._samples[0][0][-1] == 637 * TICK_S
+    assert [piece[0][-1] for piece in arm._samples] == [TICK_S * k for k in range(632, 1401)]
 
 
 def test_while_something_acts_the_payload_of_before_is_held(watched):
@@ -192,3 +216,14 @@ def test_a_clock_that_goes_back_by_a_second_begins_a_new_watch(watched, back, an
     assert len(Watch.made) == 1 + anew
     assert states(arm)[0] == (199 - back if anew else 0)
     assert [part.size for part in Watch.made[-1].parts[:2]] == ([1] if anew else [1, 7])
+
+
+@pytest.mark.parametrize("at_once", [1, 1000])
+def test_rows_of_a_clock_that_was_set_back_are_made_anew(watched, at_once):
+    arm = watched()
+    give(arm, 0, 200, at_once)
+    give(arm, 200, 250, at_once, back=150)
+    before, after = Watch.made
+    assert [part.size for part in before.parts] == [1] + [7] * 28
+    assert [part.size for part in after.parts] == [1] + [7] * 7
+    assert after.parts[0] == 50 * TICK_S

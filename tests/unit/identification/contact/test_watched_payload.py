@@ -136,13 +136,12 @@ def test_a_suspicion_without_evidence_ends_within_three_seconds_and_changes_noth
 def test_a_pause_longer_than_what_is_remembered_is_no_event(moved):
     time_s, position, current = moved.until(14.0, moved.empty)
     paused_s = time_s + 11.0 * (time_s >= moved.at(8.2))
-    watch = force_watch.ForceWatch(*moved.watched_arm)
-    events = []
+    watch = WatchedPayload(*moved.watched_arm)
     for begin, end in ((0.0, 4.0), (4.0, 8.0), (8.0, 8.4), (8.4, 14.0)):
         part = slice(*np.searchsorted(time_s, (moved.at(begin), moved.at(end))))
-        events += watch.take(paused_s[part], position[part], current[part])
-    assert not events
-    assert watch.state is Force.FREE
+        watch.take(paused_s[part], position[part], current[part])
+    assert not watch.take_events()
+    assert watch.force is Force.FREE
 
 
 def test_a_push_that_was_there_first_does_not_hold_the_payload_for_ever(moved, monkeypatch):
