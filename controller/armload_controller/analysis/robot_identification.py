@@ -48,7 +48,7 @@ from armload_identification.recording.reading_options import Effort, ReadingOpti
 from armload_identification.recording.recording import Recording
 from armload_identification.results.findings import Findings
 from armload_identification.results.payload_over_time import PayloadOverTime
-from armload_identification.verdict.recording_checks.impossible_magnitudes import require_possible_mass
+from armload_identification.verdict.recording_checks.impossible_magnitudes import require_possible_mass, scale_notes
 from armload_identification.verdict.tolerance import Tolerance
 
 RunPair = tuple[RunSource, RunSource]
@@ -209,6 +209,8 @@ def identify(
     if session is not None:
         drifted_kg = float(identification.plain.considered[-1, 0])
         notes.append(session.note(identification.parameters.mass_kg, drifted_kg))
+    if used.calibration is None and empty is not None:
+        notes.extend(scale_notes(empty, arm.chain, gains.measured(empty.torque_nm, empty.current_a), arm.magnitudes))
     weighed = known is not None and isinstance(known.mass_kg, int | float)
     verified = weighed or _scale_verified(used)
     if used.calibration is not None and not verified:

@@ -127,11 +127,11 @@ class UrdfArm(DescribedArm):
         if recording.joint_names:
             recording = recording.named_joints(self.joint_names)
         check_joints(recording, self.n)
-        require_possible(recording, self.chain, recording.torque_nm, self._magnitudes)
+        require_possible(recording, self.chain, recording.torque_nm, self.magnitudes)
         return recording
 
     @property
-    def _magnitudes(self) -> ArmMagnitudes:
+    def magnitudes(self) -> ArmMagnitudes:
         """Ranges, speeds and torques of the joints; NaN for a limit of 0, which some files use for unspecified ones."""
         body, none = None, np.zeros(self.n)
         links = [link.theta for link in self.links if link is not None]

@@ -161,11 +161,11 @@ class Robot(RobotSource):
             recording = recording.named_joints(self.joint_names)
         check_joints(recording, self.n)
         torque = self.transmission.measured(recording.torque_nm, recording.current_a)
-        require_possible(recording, self.chain, torque, self._magnitudes)
+        require_possible(recording, self.chain, torque, self.magnitudes)
         return recording
 
     @cached_property
-    def _magnitudes(self) -> ArmMagnitudes:
+    def magnitudes(self) -> ArmMagnitudes:
         """Ranges, speeds and torques that the joints can physically have."""
         from armload_identification.verdict.recording_checks.impossible_magnitudes import ArmMagnitudes
 

@@ -297,13 +297,23 @@ def _on_calibrated_arm(plain: PayloadEstimate, arm: KnownArm | None) -> Iterator
     run = plain.runs - 1
     change, covariance = plain.friction(run)[:2], plain.friction_covariance(run)
     yield from friction_notes(standard_deviations(change, covariance, arm.drift[:2]))
-    strange = plain.noise_nm > ArmFit.noisier * arm.noise_nm
+    strange = _noisier(plain, arm)
     if strange.any():
         yield (
             f"The torque of {numbered_joints(strange)} fits more than {ArmFit.noisier:.0f} times worse than in the "
             f"calibration: something pushed or held the arm, rows are too far apart, or a gain changed. {_DOUBTFUL} "
             "Record the runs again, without contact and at 50 Hz or more."
         )
+
+
+def _noisier(plain: PayloadEstimate, arm: KnownArm) -> NDArray[np.bool_]:
+    """(n,) True for joints that fit far worse than in the calibration."""
+    return np.asarray(plain.noise_nm > ArmFit.noisier * arm.noise_nm)
+
+
+def misfits(found: Identification, arm: KnownArm | None) -> bool:
+    """Whether a payload does not explain the torque, or far worse than the calibration's runs were."""
+    return any(misfit_notes(found)) or (arm is not None and bool(_noisier(found.plain, arm).any()))
 
 
 def _on_arm(signal: LoadSignal, arm: BodyFit | None) -> Iterator[str]:

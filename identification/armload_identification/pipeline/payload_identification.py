@@ -21,7 +21,7 @@ from armload_identification.estimation.payload_problem import pair_problem, sing
 from armload_identification.estimation.prior_knowledge import KnownPayload, Prior
 from armload_identification.estimation.run_drift import RunDrift
 from armload_identification.estimation.solve import solve
-from armload_identification.identification_errors import EstimationError, ModelError
+from armload_identification.identification_errors import EstimationError, ModelError, NothingMounted
 from armload_identification.model.chain import Chain
 from armload_identification.pipeline.any_motion import identify_alone
 from armload_identification.pipeline.identification_result import (
@@ -30,13 +30,13 @@ from armload_identification.pipeline.identification_result import (
     completed,
     payload_signal,
 )
-from armload_identification.pipeline.operator_notes import change_notes, disturbance_notes, misfit_notes, notes_on
+from armload_identification.pipeline.operator_notes import change_notes, disturbance_notes, misfits, notes_on
 from armload_identification.pipeline.prior_contradictions import identified_knowing
 from armload_identification.recording.recording import Recording
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import load_signal, slow_round_signal
 from armload_identification.signals.recorded_run import Run
-from armload_identification.verdict.recording_checks.column_mistakes import RunColumns
+from armload_identification.verdict.recording_checks.column_mistakes import RunColumns, require_right_columns
 from armload_identification.verdict.recording_checks.pair_contradictions import FittedPair, refuse_contradictions
 from armload_identification.verdict.recording_checks.usable_runs import usable_runs
 
@@ -82,9 +82,7 @@ def identify_runs(
         if unloaded is not None:
             identified = _by_difference(runs[0], runs[1], chain, transmission, arm)
         elif arm is not None:
-            motion = runs[0].motion
-            problem = single_problem(motion, chain, transmission.coupling, arm)
-            identified = partial(identify_alone, runs[0], motion, problem, transmission, arm)
+            identified = partial(_alone, runs[0], chain, transmission, arm)
         else:
             raise EstimationError(
                 "no unloaded recording was given, and the arm's own torque, which is many times the payload's, is "
@@ -93,6 +91,22 @@ def identify_runs(
             )
         found = identified(None) if known is None else identified_knowing(known, identified)
         return found.with_notes(*change_notes(found, *runs))
+
+
+def _alone(run: Run, chain: Chain, transmission: Transmission, arm: KnownArm, prior: Prior | None) -> Identification:
+    """The payload of one run, if its columns are the arm's: they are named before what would be their consequence."""
+    motion, coupling = run.motion, transmission.coupling
+    problem = single_problem(motion, chain, coupling, arm)
+    try:
+        found = identify_alone(run, motion, problem, transmission, arm, prior)
+    except NothingMounted:
+        raise
+    except EstimationError:
+        require_right_columns(run, motion, chain, coupling)
+        raise
+    if misfits(found, arm):
+        require_right_columns(run, motion, chain, coupling)
+    return found
 
 
 def _by_difference(
@@ -126,7 +140,7 @@ def _by_difference(
         disturbances = Disturbances.of(posterior, problem.layout.chain, plain.body(0) if arm is None else arm.body)
         plain = plain.doubting(*disturbances.doubts())
         result = completed(plain, fitted, adjusted, added_nm, gains, loaded, unloaded)
-        if any(misfit_notes(result)):
+        if misfits(result, arm) or (disturbances.named and not disturbances.explanations):
             columns.require_right()
         remarks = *drift.notes(), *disturbance_notes(disturbances, "the unloaded run")
         return result.with_notes(*remarks, *notes_on(result, gains, arm, columns.arm if arm is None else None))

@@ -462,6 +462,19 @@ class Magnitudes:
     Origin: links are known within tens of per cent; gear ratios are 50 and more, units cause 1000.
     Factor of two: either way: none of 19 tests fails.
     """
+    low_scale: Final = 0.8
+    """[1] Torque of the most loaded joint, relative to the links' weight, below which an unloaded run gets a note.
+
+    Origin: right files: 0.96 to 1.18 in 20 runs of prbt, a 7-axis arm and the UR10e with its URDF; lbf ft gives 0.74,
+        RMS for amplitude 0.71.
+    Factor of two: twice: 1 of 22 tests fails; half: 1 of 22 tests fails.
+    """
+    high_scale: Final = 1.35
+    """[1] The same from above: a tool that stays on the arm adds to it, 2.8 kg on a UR10e 0.3.
+
+    Origin: as of `low_scale`.
+    Factor of two: either way: 1 of 22 tests fails.
+    """
     milli_within: Final = 3.0
     """[1] Factor of 1000 within which a scale is explained by milliampere or N mm.
 

@@ -10,9 +10,9 @@ the torque of motor a if column c of the recording were its own:
 
     r(s) = sum_ac s_ac (I - Q Q^T) y_ac,        s_ac = 1, -1 or 0
 
-Exchanged positions need a decomposition each. They are tried only if no signs explain the run. It is no problem of
-terms and priors (`estimation.solve`): that solves for one choice of columns, and here 64 signs and 85 orders of six
-joints are compared, each by a sum of columns that are decomposed once.
+Exchanged or reversed positions need a decomposition each. They are tried only if no signs explain the run. It is no
+problem of terms and priors (`estimation.solve`): that solves for one choice of columns, and here 64 signs and 103
+orders of six joints are compared, each by a sum of columns that are decomposed once.
 
 A mistake is reported only if the corrected run fits well, its friction is positive on all joints, and the run as it is
 either fits much worse or has friction that drives the arm; for a sign, by more than its error from the residual's
@@ -23,6 +23,7 @@ load, where friction decides.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
@@ -76,11 +77,21 @@ class _Correction:
 
 @dataclass(frozen=True)
 class _Exchange:
-    """Joints whose columns are exchanged: two, or the currents or torques of three in a cycle."""
+    """Two joints whose columns are exchanged, or torques of three in a cycle, or one joint that is reversed."""
 
     joints: tuple[int, ...]
     what: str
     """Which of their columns: positions, currents or torques, or all."""
+
+    @property
+    def said(self) -> str:
+        """The mistake, and its remedy."""
+        how, order = ("reversed", "direction") if len(self.joints) == 1 else ("exchanged", "order")
+        names = named_joints([str(joint + 1) for joint in self.joints])
+        return (
+            f"{self.what} of {names} are {how}: links and friction of the arm explain the torque only in the other "
+            f"{order}. Correct the joint {order} in the configuration or the log."
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,37 +143,51 @@ class RunColumns:
     @cached_property
     def _mistake(self) -> str:
         """What is wrong, and its remedy; empty if nothing is."""
-        paths = [str(run.recording.source.path) for run in self.runs]
-        both_files = " and ".join(paths)
-        runs = self.signal.loaded, self.signal.unloaded
-        found = [set(flipped_signs(run, self.chain, self.coupling)) for run in runs]
-        both = found[0] & found[1]
         # The sign of one run only, against the other run's evidence, shows in their comparison.
-        opposed = set(map(int, np.flatnonzero(_loaded_over_unloaded(self.signal) < 0.0)))
-        for joints, files in (
-            (both, both_files),
-            ((found[0] - both) & opposed, paths[0]),
-            ((found[1] - both) & opposed, paths[1]),
-        ):
-            if joints:
-                names = named_joints([str(joint + 1) for joint in sorted(joints)])
-                verb, whose = ("measures", "its") if len(joints) == 1 else ("measure", "their")
-                return (
-                    f"{files}: {names} {verb} the opposite of the torque that the arm's links and friction require. "
-                    f"The sign of {whose} current or torque is flipped: correct it in the drive (607E) or recording."
-                )
-        one, other = (exchanged_columns(run, self.chain, self.coupling) for run in runs)
-        exchange = one or other
-        if exchange is None:
-            return ""
-        # Both runs are of the same motion, so that positions are exchanged in both or in none.
-        only_one = one != other and exchange.what == _TORQUES
-        files = paths[0 if one else 1] if only_one else both_files
-        names = named_joints([str(joint + 1) for joint in exchange.joints])
-        return (
-            f"{files}: {exchange.what} of {names} are exchanged: links and friction of the arm explain the "
-            "torque only in the other order. Correct the joint order in the configuration or the log."
-        )
+        opposed = np.flatnonzero(_loaded_over_unloaded(self.signal) < 0.0).tolist()
+        motions = self.signal.loaded, self.signal.unloaded
+        return _mistake_in(self.runs, motions, self.chain, self.coupling, opposed)
+
+
+def require_right_columns(run: Run, motion: Motion, chain: Chain, coupling: FloatArray) -> None:
+    """Refuse a run that only another sign or order of columns can explain.
+
+    Args:
+        run: The run.
+        motion: Its motion and torque.
+        chain: The arm.
+        coupling: (n, n) C of its motors.
+
+    Raises:
+        RecordingError: naming file, joint and remedy.
+    """
+    if mistake := _mistake_in([run], [motion], chain, coupling):
+        raise RecordingError(mistake)
+
+
+def _mistake_in(
+    runs: Sequence[Run], motions: Sequence[Motion], chain: Chain, coupling: FloatArray, opposed: Sequence[int] = ()
+) -> str:
+    """What is wrong with runs of one motion; with opposed joints, the torque of one of two runs against the other's."""
+    paths = [str(run.recording.source.path) for run in runs]
+    found = [set(flipped_signs(motion, chain, coupling)) for motion in motions]
+    all_runs = set.intersection(*found)
+    own = [((joints - all_runs) & set(opposed), path) for joints, path in zip(found, paths, strict=True)]
+    for joints, files in ((all_runs, " and ".join(paths)), *own):
+        if joints:
+            names = named_joints([str(joint + 1) for joint in sorted(joints)])
+            verb, whose = ("measures", "its") if len(joints) == 1 else ("measure", "their")
+            return (
+                f"{files}: {names} {verb} the opposite of the torque that the arm's links and friction require. "
+                f"The sign of {whose} current or torque is flipped: correct it in the drive (607E) or recording."
+            )
+    exchanges = [exchanged_columns(motion, chain, coupling) for motion in motions]
+    place, exchange = next(((place, one) for place, one in enumerate(exchanges) if one), (0, None))
+    if exchange is None:
+        return ""
+    # Runs of the same motion have exchanged positions all or not at all.
+    only_one = len(set(exchanges)) > 1 and exchange.what == _TORQUES
+    return f"{paths[place] if only_one else ' and '.join(paths)}: {exchange.said}"
 
 
 def strange_joints(signal: LoadSignal, arm: BodyFit, loud: float, driven: float) -> NDArray[np.bool_]:
@@ -207,18 +232,20 @@ def flipped_signs(run: Motion, chain: Chain, coupling: FloatArray) -> tuple[int,
 
 
 def exchanged_columns(run: Motion, chain: Chain, coupling: FloatArray) -> _Exchange | None:
-    """Moving joints whose columns are exchanged; None if the run is right as it is, or nothing explains it."""
+    """Moving joints whose columns are exchanged or reversed; None if the run is right, or nothing explains it."""
     one = np.eye(chain.n)
     base = base_columns(chain, coupling)
     system = _LinksAndFriction(run, chain, coupling, base)
     moving = np.flatnonzero(run.moves).tolist()
     trials: dict[_Exchange, _Correction] = {}
-    for joints in combinations(moving, 2):
-        order = _reordered(chain.n, joints, 1)
+    orders: dict[tuple[int, ...], FloatArray] = {}
+    orders |= {joints: one[_reordered(chain.n, joints, 1)] for joints in combinations(moving, 2)}
+    orders |= {(joint,): np.diag(np.where(np.arange(chain.n) == joint, -1.0, 1.0)) for joint in moving}
+    for joints, order in orders.items():
         moved = _LinksAndFriction(run, chain, coupling, base, order)
-        trials[_Exchange(joints, _TORQUES)] = system.trial(one[order])
+        trials[_Exchange(joints, _TORQUES)] = system.trial(order)
         trials[_Exchange(joints, "the positions")] = moved.trial(one)
-        trials[_Exchange(joints, "all columns")] = moved.trial(one[order])
+        trials[_Exchange(joints, "all columns")] = moved.trial(order)
     for three in combinations(moving, 3):
         both_ways = [system.trial(one[_reordered(chain.n, three, shift)]) for shift in (1, 2)]
         trials[_Exchange(three, _TORQUES)] = min(both_ways, key=lambda trial: (not trial.possible, trial.cost))
@@ -235,7 +262,7 @@ def _reordered(n: int, joints: tuple[int, ...], shift: int) -> NDArray[np.intp]:
 
 
 class _LinksAndFriction:
-    """Residuals of every motor's column by (11 n,) base parameters; `order`: whose positions each joint takes."""
+    """Residuals of every motor's column by (11 n,) base parameters; (n, n) `order` of positions."""
 
     def __init__(
         self,
@@ -243,12 +270,12 @@ class _LinksAndFriction:
         chain: Chain,
         coupling: FloatArray,
         base: NDArray[np.bool_],
-        order: NDArray[np.intp] | None = None,
+        order: FloatArray | None = None,
     ) -> None:
         n = chain.n
         usable = np.flatnonzero(run.valid)
         rows = usable[:: max(1, usable.size // ArmFit.rows)]
-        states = run.states if order is None else tuple(state[:, order] for state in run.states)
+        states = run.states if order is None else tuple(state @ order.T for state in run.states)
         q, dq, ddq = (state[rows] for state in states)
         speed = states[1]
         weight, direction = reversal_weights(states[0], speed)[rows], smooth_sign(dq, reversal_speed(speed))

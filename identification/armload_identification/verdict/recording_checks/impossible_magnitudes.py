@@ -6,6 +6,7 @@ the links' weight is then known within tens of per cent, and wrong units cause f
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,8 +59,7 @@ def require_possible(run: Recording, chain: Chain, torque_nm: FloatArray | None,
         return
     torque = torque_nm[every]
     _refuse_strength(run, torque, arm)
-    if arm.body is not None:
-        _refuse_scale(run, position, torque, chain, arm, arm.body)
+    _refuse_scale(run, position, torque, chain, arm)
 
 
 def _refuse_positions(run: Recording, position: FloatArray, arm: ArmMagnitudes) -> None:
@@ -126,25 +126,53 @@ def _refuse_strength(run: Recording, torque: FloatArray, arm: ArmMagnitudes) -> 
     )
 
 
-def _refuse_scale(
-    run: Recording, position: FloatArray, torque: FloatArray, chain: Chain, arm: ArmMagnitudes, body: ArmBody
-) -> None:
+def scale_notes(run: Recording, chain: Chain, torque_nm: FloatArray | None, arm: ArmMagnitudes) -> list[str]:
+    """A note on an unloaded run whose torque is not that of the links' weight, as with another unit on all joints.
+
+    Args:
+        run: The run, with the arm's joints.
+        torque_nm: (N, n) joint torque of the run; None without any.
+        arm: Its possible magnitudes.
+    """
+    if torque_nm is None:
+        return []
+    every = slice(None, None, max(1, run.size // ArmFit.rows))
+    place, joint, scale = next(_weight_scales(run.position_rad[every], torque_nm[every], chain, arm), (0, 0, 1.0))
+    if place or Magnitudes.low_scale < scale < Magnitudes.high_scale:
+        return []
+    return [
+        f"Without the payload, the torque of {arm.joint_names[joint]} is {scale:.2g} times that of the links' weight "
+        "by the robot's file. If those masses are right and no tool was mounted, the torque has another scale or unit "
+        "(N m?) on all joints, and the mass is wrong by the same factor. A weighed payload shows it: `armload "
+        "calibrate`."
+    ]
+
+
+def _refuse_scale(run: Recording, position: FloatArray, torque: FloatArray, chain: Chain, arm: ArmMagnitudes) -> None:
     """Raise for torques that are proportional to the links' weight at a wrong scale, the most loaded joint first."""
+    for _, joint, scale in _weight_scales(position, torque, chain, arm):
+        if abs(np.log(scale)) > np.log(Magnitudes.wrong_scale):
+            raise _wrong_scale(run, arm.joint_names[joint], scale)
+
+
+def _weight_scales(
+    position: FloatArray, torque: FloatArray, chain: Chain, arm: ArmMagnitudes
+) -> Iterator[tuple[int, int, float]]:
+    """Place, joint and scale of torques that are proportional to the links' weight, the most loaded joint first."""
+    if arm.body is None:
+        return
     still = np.zeros_like(position)
-    expected = ArmDynamics(chain, body).torque(np.nan_to_num(position), still, still)
+    expected = ArmDynamics(chain, arm.body).torque(np.nan_to_num(position), still, still)
     swing, measured = expected - expected.mean(axis=0), torque - np.nanmean(torque, axis=0)
     size = np.sqrt(np.mean(swing**2, axis=0))
     greatest = np.maximum(np.nan_to_num(arm.torque_max_nm, nan=0.0), size.max())
     visible = size > Magnitudes.weight_share * greatest
-    for place, joint in enumerate(np.argsort(-size)):
+    for place, joint in enumerate(np.argsort(-size).tolist()):
         good = np.isfinite(measured[:, joint])
         one, other = measured[good, joint], swing[good, joint]
         along, least = float(one @ other), Correlations.weight if place == 0 else Correlations.same
-        if not visible[joint] or not along > least * float(np.sqrt((one @ one) * (other @ other))):
-            continue
-        scale = along / float(other @ other)
-        if abs(np.log(scale)) > np.log(Magnitudes.wrong_scale):
-            raise _wrong_scale(run, arm.joint_names[joint], scale)
+        if visible[joint] and along > least * float(np.sqrt((one @ one) * (other @ other))):
+            yield place, joint, along / float(other @ other)
 
 
 def _wrong_scale(run: Recording, joint: str, scale: float) -> RecordingError:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -162,6 +163,18 @@ def _refuse_constant(run: Run) -> None:
         )
 
 
+def _refuse_copies(run: Run) -> None:
+    """Raise for two joints with the same positions or efforts in all rows, unless all that move are alike."""
+    pairs = list(combinations(np.flatnonzero(_moves(run)).tolist(), 2))
+    for what, values in (("positions", run.recording.position_rad), ("efforts", reported_effort(run.recording))):
+        same = [joints for joints in pairs if np.array_equal(*values.T[list(joints)])]
+        if 0 < len(same) < len(pairs):
+            raise RecordingError(
+                f"{run.recording.source.path}: the {what} of joints {same[0][0] + 1} and {same[0][1] + 1} are the same "
+                "in all rows: a column was taken twice. Correct the column map."
+            )
+
+
 def _refuse_absolute(run: Run) -> None:
     """Raise for torques that come to zero and never cross it: friction alone changes their sign at each reversal."""
     measured = reported_effort(run.recording)[:, _moves(run)]
@@ -232,6 +245,7 @@ RUN_CHECKS = (
     _refuse_velocity,
     _refuse_velocity_as_effort,
     _refuse_constant,
+    _refuse_copies,
     _refuse_absolute,
     _refuse_saturation,
     _refuse_stuck,

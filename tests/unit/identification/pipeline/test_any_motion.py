@@ -62,6 +62,21 @@ def test_windows_hold_the_payload(pinocchio_arm, known, loaded):
         assert window.found.parameters.is_physical
 
 
+@pytest.mark.parametrize(
+    ("turn", "said"),
+    [
+        (np.diag([1.0, 1.0, 1.0, 1.0, -1.0, 1.0]), "all columns of joint 5 are reversed"),
+        (np.eye(6)[[0, 1, 2, 5, 4, 3]], "all columns of joints 4 and 6 are exchanged"),
+    ],
+)
+def test_columns_of_a_single_run_that_belong_to_another_joint_or_direction_are_named(known, loaded, turn, said):
+    """Without the search the first was a hose at joint 5, 'and the intervals allow for that', which they did not."""
+    chain, transmission, arm = known
+    run = replace(loaded, position_rad=loaded.position_rad @ turn, current_a=loaded.current_a @ turn)
+    with pytest.raises(RecordingError, match=said):
+        identify_runs(run, None, chain, transmission, arm=arm)
+
+
 def test_jerky_motion_goes_through_one_window_with_the_torque(pinocchio_arm, known, jerky):
     """With steps of acceleration the noise is 1.3 to 2.1 times the calibration's."""
     chain, transmission, arm = known

@@ -358,7 +358,7 @@ def test_a_torque_that_resembles_the_links_weight_has_a_tenth_to_ten_times_its_s
     torque = position * np.array([8.0, 4.0])
     other = np.sqrt(1.0 - correlation**2) / correlation * TURNED
     torque[:, [joint]] = scale * (torque[:, [joint]] + [8.0, 4.0][joint] * other)
-    given = recorded(position), position, torque, None, magnitudes(torque=np.nan), object()
+    given = recorded(position), position, torque, None, magnitudes(torque=np.nan, body=object())
     found = refusal(_refuse_scale, *given)
     assert said in found
     assert bool(said) is bool(found)
@@ -369,8 +369,8 @@ def test_a_weight_of_2_percent_of_the_greatest_torque_is_visible(monkeypatch, st
     links = SimpleNamespace(torque=lambda q, *_: q)
     monkeypatch.setattr(f"{CHECKS}.impossible_magnitudes.ArmDynamics", lambda *_: links)
     position = np.hstack([SWING, SWING])
-    arm = magnitudes(torque=strength * np.sqrt(0.5) / 0.02)
-    given = recorded(position), position, 100.0 * position, None, arm, object()
+    arm = magnitudes(torque=strength * np.sqrt(0.5) / 0.02, body=object())
+    given = recorded(position), position, 100.0 * position, None, arm
     assert bool(refusal(_refuse_scale, *given)) is said
 
 

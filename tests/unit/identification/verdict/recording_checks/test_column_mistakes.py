@@ -106,6 +106,20 @@ def test_exchanged_joints_are_found_from_the_loaded_run(signal, pinocchio_arm, j
     assert (found.joints, found.what) == (joints, "all columns")
 
 
+@pytest.mark.parametrize("joint", [1, 3, 4])
+@pytest.mark.parametrize("what", ["all columns", "the positions"])
+def test_a_reversed_joint_is_found_from_the_loaded_run(signal, pinocchio_arm, joint, what):
+    turn = np.diag(np.where(np.arange(6) == joint, -1.0, 1.0))
+    run, coupling = signal.loaded, pinocchio_arm.transmission.coupling
+    by_axis = coupling @ turn @ np.linalg.inv(coupling)
+    torque = run.torque_nm @ (by_axis if what == "all columns" else np.eye(6))
+    states = JointStates(*(state @ turn for state in run.states))
+    found = exchanged_columns(replace(run, states=states, torque_nm=torque), pinocchio_arm.chain, coupling)
+    assert (found.joints, found.what) == ((joint,), what)
+    assert f"{what} of joint {joint + 1} are reversed" in found.said
+    assert "only in the other direction" in found.said
+
+
 @pytest.mark.parametrize("order", [(0, 1, 2, 4, 5, 3), (0, 3, 1, 2, 4, 5)], ids=str)
 def test_currents_exchanged_in_a_cycle_of_three_are_found(signal, pinocchio_arm, order):
     run, coupling = signal.unloaded, pinocchio_arm.transmission.coupling

@@ -12,6 +12,7 @@ from armload_identification.verdict.recording_checks.impossible_magnitudes impor
     ArmMagnitudes,
     require_possible,
     require_possible_mass,
+    scale_notes,
 )
 
 pytestmark = pytest.mark.pure
@@ -127,3 +128,15 @@ def test_a_mass_that_the_arm_cannot_carry_or_feel_is_refused(mass_kg, half_width
 @pytest.mark.parametrize("interval_kg", [(0.011, 0.013), (20.0, 60.0), (np.nan, np.nan)])
 def test_a_mass_that_may_be_within_the_arms_range_passes(interval_kg):
     require_possible_mass(57.4, np.array(interval_kg), 12.5, "ur10e")
+
+
+@pytest.mark.parametrize(("strength", "said"), [(0.9, ""), (1.2, ""), (0.74, "0.7"), (0.102, "0.1"), (1.8, "1.9")])
+def test_torque_of_another_unit_on_all_joints_is_noted_from_the_links_weight(
+    chain_and_links, arm, moved, strength, said
+):
+    time_s, position, torque = moved
+    run = Recording.from_arrays(time_s, position, torque_nm=strength * torque)
+    notes = scale_notes(run, chain_and_links[0], run.torque_nm, arm)
+    assert bool(notes) is bool(said)
+    assert not said or f"is {said}" in notes[0]
+    assert scale_notes(run, chain_and_links[0], run.torque_nm, replace(arm, body=None)) == []

@@ -41,6 +41,18 @@ def labelled(run, load, sha256):
     return replace(run, source=replace(run.source, sha256=sha256, attachments=attachments))
 
 
+@pytest.mark.parametrize(("column", "what"), [("position_rad", "positions"), ("current_a", "efforts")])
+def test_a_column_that_was_taken_twice_is_refused(gate, run, column, what):
+    values = getattr(run, column)[:, [0, 1, 2, 3, 3, 5]]
+    copied = replace(run, **{column: values}, velocity_rad_s=None)
+    gate(copied, refused=f"the {what} of joints 4 and 5 are the same in all rows: a column was taken twice")
+
+
+def test_joints_that_are_all_moved_alike_are_no_copies(gate, run):
+    """As on a simulated arm of which every joint gets the same setpoints."""
+    gate(replace(run, position_rad=run.position_rad[:, [2] * 6], velocity_rad_s=None))
+
+
 @pytest.mark.parametrize(
     ("first", "second", "refused"),
     [
