@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_identification.calibration.calibration_constants import OtherMounting
-from armload_identification.calibration.run_contradictions import at_axes, directions
+from armload_identification.calibration.run_contradictions import at_axes
 from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import EstimationError
 from armload_identification.model.chain import Chain
+from armload_identification.model.other_mountings import directions
 from armload_identification.signals.motion import Motion
 
 Turn = Callable[[Motion], Motion]

@@ -41,6 +41,7 @@ from armload_identification.identification_errors import RecordingError
 from armload_identification.model.base_parameters import base_columns
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.chain import Chain
+from armload_identification.model.other_mountings import directions
 from armload_identification.model.regressor import PARAMETERS, body_regressor, rotor_columns
 from armload_identification.model.smooth_sign import smooth_sign
 from armload_identification.signals.load_signal import LoadSignal
@@ -77,15 +78,20 @@ class _Correction:
 
 @dataclass(frozen=True)
 class _Exchange:
-    """Two joints whose columns are exchanged, or torques of three in a cycle, or one joint that is reversed."""
+    """Two joints whose columns are exchanged, torques of three in a cycle, one joint reversed, or another mounting."""
 
     joints: tuple[int, ...]
     what: str
-    """Which of their columns: positions, currents or torques, or all."""
+    """Which of their columns: positions, currents or torques, or all; without joints, how the arm was mounted."""
 
     @property
     def said(self) -> str:
         """The mistake, and its remedy."""
+        if not self.joints:
+            return (
+                f"the arm was mounted {self.what}: its links and friction explain the torque only so. Correct the "
+                "direction of gravity in the configuration."
+            )
         how, order = ("reversed", "direction") if len(self.joints) == 1 else ("exchanged", "order")
         names = named_joints([str(joint + 1) for joint in self.joints])
         return (
@@ -232,7 +238,7 @@ def flipped_signs(run: Motion, chain: Chain, coupling: FloatArray) -> tuple[int,
 
 
 def exchanged_columns(run: Motion, chain: Chain, coupling: FloatArray) -> _Exchange | None:
-    """Moving joints whose columns are exchanged or reversed; None if the run is right, or nothing explains it."""
+    """Moving joints whose columns are exchanged or reversed, or another mounting; None if nothing explains the run."""
     one = np.eye(chain.n)
     base = base_columns(chain, coupling)
     system = _LinksAndFriction(run, chain, coupling, base)
@@ -249,6 +255,10 @@ def exchanged_columns(run: Motion, chain: Chain, coupling: FloatArray) -> _Excha
     for three in combinations(moving, 3):
         both_ways = [system.trial(one[_reordered(chain.n, three, shift)]) for shift in (1, 2)]
         trials[_Exchange(three, _TORQUES)] = min(both_ways, key=lambda trial: (not trial.possible, trial.cost))
+    for how, gravity in directions(chain.gravity_m_s2).items():
+        mounted = chain.under(gravity)
+        other = _LinksAndFriction(run, mounted, coupling, base_columns(mounted, coupling))
+        trials[_Exchange((), how)] = other.trial(one)
     least = system.trial(one).cost - ArmFit.evident_gain
     found = {exchange: trial.cost for exchange, trial in trials.items() if trial.possible and trial.cost < least}
     return min(found, key=lambda exchange: found[exchange], default=None)

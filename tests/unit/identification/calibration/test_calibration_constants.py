@@ -20,7 +20,6 @@ from armload_identification.calibration.run_contradictions import (
     _Carried,
     _payload_text,
     _scaled,
-    directions,
     explain,
 )
 from armload_identification.calibration.run_health import _RunFit
@@ -30,6 +29,7 @@ from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.identification_errors import EstimationError
 from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates
+from armload_identification.model.other_mountings import directions
 
 pytestmark = pytest.mark.pure
 

@@ -12,7 +12,6 @@ from armload_identification.calibration.calibration_constants import Contradicti
 from armload_identification.calibration.mounted_runs import MountedRun, WeighedPayload
 from armload_identification.calibration.run_contradictions import _Carried as Carried
 from armload_identification.calibration.run_contradictions import _payload_text as payload_text
-from armload_identification.calibration.run_contradictions import directions
 from armload_identification.identification_errors import EstimationError
 from armload_identification.model.payload import InertialParameters, derived
 from tests.mounted_runs import LOAD_FRICTION, calibrated, changed, named
@@ -230,14 +229,3 @@ def test_the_covariance_of_a_centre_is_that_of_its_quotient():
     np.testing.assert_allclose(values[1:4], [0.1, -0.05, 0.2])
     drawn = theta + np.random.default_rng(3).normal(size=(200_000, 10)) @ half.T
     np.testing.assert_allclose(covariance, np.cov((drawn[:, 1:4] / drawn[:, :1]).T), rtol=0.03, atol=2e-7)
-
-
-def test_the_other_mountings_are_five_of_six_directions():
-    found = directions(np.array([0.0, 0.0, -9.81]))
-    assert [how.split(",")[0] for how in found] == ["on the ceiling", *["on a wall"] * 4]
-    assert found["on the ceiling, gravity_m_s2 = [0.0, 0.0, 9.81]"].tolist() == [0.0, 0.0, 9.81]
-    assert found["on a wall, gravity_m_s2 = [0.0, -9.81, 0.0]"].tolist() == [0.0, -9.81, 0.0]
-    tilted = directions(9.81 * np.array([0.6, 0.0, 0.8]))
-    assert len(tilted) == 6, "of a base between two directions all are others"
-    assert len({tuple(way) for way in tilted.values()}) == 6
-    assert "on the floor" in next(iter(directions(np.array([9.81, 0.0, 0.0]))))

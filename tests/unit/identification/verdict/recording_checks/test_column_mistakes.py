@@ -120,6 +120,13 @@ def test_a_reversed_joint_is_found_from_the_loaded_run(signal, pinocchio_arm, jo
     assert "only in the other direction" in found.said
 
 
+@pytest.mark.parametrize("gravity_m_s2", [[9.81, 0.0, 0.0], [0.0, 0.0, 9.81]], ids=["wall", "ceiling"])
+def test_an_arm_that_is_not_mounted_as_configured_is_no_exchange_of_joints(signal, pinocchio_arm, gravity_m_s2):
+    chain = pinocchio_arm.chain.under(np.array(gravity_m_s2))
+    found = exchanged_columns(signal.unloaded, chain, pinocchio_arm.transmission.coupling)
+    assert "the arm was mounted on the floor, gravity_m_s2 = [0.0, 0.0, -9.81]" in found.said
+
+
 @pytest.mark.parametrize("order", [(0, 1, 2, 4, 5, 3), (0, 3, 1, 2, 4, 5)], ids=str)
 def test_currents_exchanged_in_a_cycle_of_three_are_found(signal, pinocchio_arm, order):
     run, coupling = signal.unloaded, pinocchio_arm.transmission.coupling
