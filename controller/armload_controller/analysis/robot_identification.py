@@ -209,8 +209,8 @@ def identify(
     if session is not None:
         drifted_kg = float(identification.plain.considered[-1, 0])
         notes.append(session.note(identification.parameters.mass_kg, drifted_kg))
-    if used.calibration is None and empty is not None:
-        notes.extend(scale_notes(empty, arm.chain, gains.measured(empty.torque_nm, empty.current_a), arm.magnitudes))
+    elif used.calibration is None:
+        notes.extend(scale_notes(identification.signal.unloaded, arm.chain, arm.magnitudes))
     weighed = known is not None and isinstance(known.mass_kg, int | float)
     verified = weighed or _scale_verified(used)
     if used.calibration is not None and not verified:

@@ -313,11 +313,11 @@ class _Calibration:
                 continue
             others_kg = (found / spread - payload.mass_kg / scale) / information
             deviation = HALVES / np.sqrt(information)
-            if abs(payload.mass_kg - others_kg) > Calibrating.disagrees * float(np.hypot(deviation, np.sqrt(scale))):
+            if abs(payload.mass_kg - others_kg) > Calibrating.mass_off * float(np.hypot(deviation, np.sqrt(scale))):
                 yield (
                     f"mounting '{name}': {payload.mass_kg:.3f} kg was entered, all other data give {others_kg:.3f} +- "
                     f"{2.0 * deviation:.3f} kg ({100.0 * (payload.mass_kg / others_kg - 1.0):+.1f} %). Weigh it "
-                    "again, or find out which weighed mass is wrong."
+                    "again with all that was mounted; else another weighed mass, or all nominal gains, are wrong."
                 )
 
     def _friction_warnings(self, fit: Posterior) -> Iterator[str]:

@@ -32,6 +32,7 @@ from armload_identification.model.other_mountings import directions
 from armload_identification.model.payload import InertialParameters, derived
 from armload_identification.model.regressor import PARAMETERS
 from armload_identification.signals.motion import Motion
+from armload_identification.verdict.recording_checks.column_mistakes import reordered
 
 _ZERO: Final = 1e-12
 _GRAMS: Final = 1000.0
@@ -128,13 +129,12 @@ def _mistakes(arm: ArmKnowledge, run: Motion, mounting: str, mass_kg: float | No
         return _fitted_to_run(arm, run.turned(joints, torques), mounting)
 
     for one, other in combinations(range(n), 2):
-        swap = np.eye(n)
-        swap[:, [one, other]] = swap[:, [other, one]]
+        swap = reordered(n, (one, other), 1)
         torques, names = at_axes(swap, coupling), f"joints {one + 1} and {other + 1}"
         yield turned(swap, torques), f"{names} are exchanged"
         yield turned(np.eye(n), torques), f"the efforts of {names} are exchanged"
     for joint in range(n):
-        turn = np.diag(np.where(np.arange(n) == joint, -1.0, 1.0))
+        turn = reordered(n, (joint,), 1)
         yield turned(turn, np.eye(n)), f"the position of joint {joint + 1} is inverted"
         yield turned(turn, at_axes(turn, coupling)), f"position and effort of joint {joint + 1} are inverted"
     for how, gravity in directions(chain.gravity_m_s2).items():

@@ -81,8 +81,7 @@ def disturbance_notes(disturbances: Disturbances, since: str) -> Iterator[str]:
         disturbances: What the rows say of them.
         since: What the base would have tilted since.
     """
-    named = disturbances.named
-    if not named:
+    if not (named := disturbances.named):
         return
     said = "The loaded run is as if " + ", or ".join(_disturbance_in_words(one, since) for one in named)
     if not disturbances.explanations:
@@ -109,8 +108,7 @@ def _disturbance_in_words(one: Disturbance, since: str) -> str:
         along = ", ".join(f"{force_n:+.1f}" for force_n in one.error)
         return f"a force of {one.size:.1f} +- {half_width:.1f} N pulled at the flange (base frame: {along} N)"
     if one.of is Disturbed.HOSE:
-        does = "held" if one.error[0] > 0.0 else "pushed"
-        way = "back to" if one.error[0] > 0.0 else "away from"
+        does, way = ("held", "back to") if one.error[0] > 0.0 else ("pushed", "away from")
         middle = f"joint {one.joint + 1} {way} the middle of its travel"
         return f"a hose or cable {does} {middle}, with {one.size:.3g} +- {half_width:.2g} N m (RMS)"
     angle = f"{np.degrees(one.size):.2f} +- {np.degrees(half_width):.2f} deg"
@@ -297,7 +295,7 @@ def _on_calibrated_arm(plain: PayloadEstimate, arm: KnownArm | None) -> Iterator
     run = plain.runs - 1
     change, covariance = plain.friction(run)[:2], plain.friction_covariance(run)
     yield from friction_notes(standard_deviations(change, covariance, arm.drift[:2]))
-    strange = _noisier(plain, arm)
+    strange = plain.noise_nm > ArmFit.noisier * arm.noise_nm
     if strange.any():
         yield (
             f"The torque of {numbered_joints(strange)} fits more than {ArmFit.noisier:.0f} times worse than in the "
@@ -306,14 +304,9 @@ def _on_calibrated_arm(plain: PayloadEstimate, arm: KnownArm | None) -> Iterator
         )
 
 
-def _noisier(plain: PayloadEstimate, arm: KnownArm) -> NDArray[np.bool_]:
-    """(n,) True for joints that fit far worse than in the calibration."""
-    return np.asarray(plain.noise_nm > ArmFit.noisier * arm.noise_nm)
-
-
 def misfits(found: Identification, arm: KnownArm | None) -> bool:
     """Whether a payload does not explain the torque, or far worse than the calibration's runs were."""
-    return any(misfit_notes(found)) or (arm is not None and bool(_noisier(found.plain, arm).any()))
+    return any(misfit_notes(found)) or bool(arm and np.any(found.plain.noise_nm > ArmFit.noisier * arm.noise_nm))
 
 
 def _on_arm(signal: LoadSignal, arm: BodyFit | None) -> Iterator[str]:

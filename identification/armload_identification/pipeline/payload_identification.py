@@ -99,10 +99,9 @@ def _alone(run: Run, chain: Chain, transmission: Transmission, arm: KnownArm, pr
     problem = single_problem(motion, chain, coupling, arm)
     try:
         found = identify_alone(run, motion, problem, transmission, arm, prior)
-    except NothingMounted:
-        raise
-    except EstimationError:
-        require_right_columns(run, motion, chain, coupling)
+    except EstimationError as error:
+        if not isinstance(error, NothingMounted):
+            require_right_columns(run, motion, chain, coupling)
         raise
     if misfits(found, arm):
         require_right_columns(run, motion, chain, coupling)
@@ -140,7 +139,7 @@ def _by_difference(
         disturbances = Disturbances.of(posterior, problem.layout.chain, plain.body(0) if arm is None else arm.body)
         plain = plain.doubting(*disturbances.doubts())
         result = completed(plain, fitted, adjusted, added_nm, gains, loaded, unloaded)
-        if misfits(result, arm) or (disturbances.named and not disturbances.explanations):
+        if misfits(result, arm) or disturbances.named:
             columns.require_right()
         remarks = *drift.notes(), *disturbance_notes(disturbances, "the unloaded run")
         return result.with_notes(*remarks, *notes_on(result, gains, arm, columns.arm if arm is None else None))

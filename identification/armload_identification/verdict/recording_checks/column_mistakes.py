@@ -89,14 +89,13 @@ class _Exchange:
         """The mistake, and its remedy."""
         if not self.joints:
             return (
-                f"the arm was mounted {self.what}: its links and friction explain the torque only so. Correct the "
-                "direction of gravity in the configuration."
+                f"the arm was mounted {self.what}: its links and friction explain the torque only so. Correct gravity."
             )
         how, order = ("reversed", "direction") if len(self.joints) == 1 else ("exchanged", "order")
-        names = named_joints([str(joint + 1) for joint in self.joints])
         return (
-            f"{self.what} of {names} are {how}: links and friction of the arm explain the torque only in the other "
-            f"{order}. Correct the joint {order} in the configuration or the log."
+            f"{self.what} of {named_joints([str(joint + 1) for joint in self.joints])} are {how}: links and friction "
+            f"of the arm explain the torque only in the other {order}. Correct the joint {order} in the configuration "
+            "or the log."
         )
 
 
@@ -151,8 +150,7 @@ class RunColumns:
         """What is wrong, and its remedy; empty if nothing is."""
         # The sign of one run only, against the other run's evidence, shows in their comparison.
         opposed = np.flatnonzero(_loaded_over_unloaded(self.signal) < 0.0).tolist()
-        motions = self.signal.loaded, self.signal.unloaded
-        return _mistake_in(self.runs, motions, self.chain, self.coupling, opposed)
+        return _mistake_in(self.runs, (self.signal.loaded, self.signal.unloaded), self.chain, self.coupling, opposed)
 
 
 def require_right_columns(run: Run, motion: Motion, chain: Chain, coupling: FloatArray) -> None:
@@ -244,30 +242,27 @@ def exchanged_columns(run: Motion, chain: Chain, coupling: FloatArray) -> _Excha
     system = _LinksAndFriction(run, chain, coupling, base)
     moving = np.flatnonzero(run.moves).tolist()
     trials: dict[_Exchange, _Correction] = {}
-    orders: dict[tuple[int, ...], FloatArray] = {}
-    orders |= {joints: one[_reordered(chain.n, joints, 1)] for joints in combinations(moving, 2)}
-    orders |= {(joint,): np.diag(np.where(np.arange(chain.n) == joint, -1.0, 1.0)) for joint in moving}
-    for joints, order in orders.items():
+    for joints in (*combinations(moving, 2), *combinations(moving, 1)):
+        order = reordered(chain.n, joints, 1)
         moved = _LinksAndFriction(run, chain, coupling, base, order)
         trials[_Exchange(joints, _TORQUES)] = system.trial(order)
         trials[_Exchange(joints, "the positions")] = moved.trial(one)
         trials[_Exchange(joints, "all columns")] = moved.trial(order)
     for three in combinations(moving, 3):
-        both_ways = [system.trial(one[_reordered(chain.n, three, shift)]) for shift in (1, 2)]
+        both_ways = [system.trial(reordered(chain.n, three, shift)) for shift in (1, 2)]
         trials[_Exchange(three, _TORQUES)] = min(both_ways, key=lambda trial: (not trial.possible, trial.cost))
     for how, gravity in directions(chain.gravity_m_s2).items():
-        mounted = chain.under(gravity)
-        other = _LinksAndFriction(run, mounted, coupling, base_columns(mounted, coupling))
-        trials[_Exchange((), how)] = other.trial(one)
+        other = chain.under(gravity), coupling, base_columns(chain.under(gravity), coupling)
+        trials[_Exchange((), how)] = _LinksAndFriction(run, *other).trial(one)
     least = system.trial(one).cost - ArmFit.evident_gain
     found = {exchange: trial.cost for exchange, trial in trials.items() if trial.possible and trial.cost < least}
     return min(found, key=lambda exchange: found[exchange], default=None)
 
 
-def _reordered(n: int, joints: tuple[int, ...], shift: int) -> NDArray[np.intp]:
-    """(n,) indices with those of some joints moved on in a cycle."""
-    order = np.arange(n)
-    order[list(joints)] = np.roll(joints, shift)
+def reordered(n: int, joints: tuple[int, ...], shift: int) -> FloatArray:
+    """(n, n) matrix that moves some joints on in a cycle, or reverses one."""
+    order = np.eye(n)
+    order[list(joints)] = np.roll(order[list(joints)], shift, axis=0) if len(joints) > 1 else -order[list(joints)]
     return order
 
 

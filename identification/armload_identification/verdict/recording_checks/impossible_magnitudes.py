@@ -16,6 +16,7 @@ from armload_identification.identification_errors import EstimationError, Record
 from armload_identification.model.chain import Chain
 from armload_identification.model.dynamics import ArmBody, ArmDynamics
 from armload_identification.recording.recording import Recording
+from armload_identification.signals.motion import Motion
 from armload_identification.verdict.decision_levels import ArmFit, Correlations, Magnitudes
 
 
@@ -126,26 +127,16 @@ def _refuse_strength(run: Recording, torque: FloatArray, arm: ArmMagnitudes) -> 
     )
 
 
-def scale_notes(run: Recording, chain: Chain, torque_nm: FloatArray | None, arm: ArmMagnitudes) -> list[str]:
-    """A note on an unloaded run whose torque is not that of the links' weight, as with another unit on all joints.
-
-    Args:
-        run: The run, with the arm's joints.
-        torque_nm: (N, n) joint torque of the run; None without any.
-        arm: Its possible magnitudes.
-    """
-    if torque_nm is None:
-        return []
-    every = slice(None, None, max(1, run.size // ArmFit.rows))
-    place, joint, scale = next(_weight_scales(run.position_rad[every], torque_nm[every], chain, arm), (0, 0, 1.0))
-    if place or Magnitudes.low_scale < scale < Magnitudes.high_scale:
-        return []
-    return [
-        f"Without the payload, the torque of {arm.joint_names[joint]} is {scale:.2g} times that of the links' weight "
-        "by the robot's file. If those masses are right and no tool was mounted, the torque has another scale or unit "
-        "(N m?) on all joints, and the mass is wrong by the same factor. A weighed payload shows it: `armload "
-        "calibrate`."
-    ]
+def scale_notes(run: Motion, chain: Chain, arm: ArmMagnitudes) -> Iterator[str]:
+    """A note on an unloaded run whose torque is not that of the links' weight, as with another unit on all joints."""
+    place, joint, scale = next(_weight_scales(run.states.position_rad, run.torque_nm, chain, arm), (0, 0, 1.0))
+    if place == 0 and not Magnitudes.low_scale < scale < Magnitudes.high_scale:
+        yield (
+            f"Without the payload, the torque of {arm.joint_names[joint]} is {scale:.2g} times that of the links' "
+            "weight by the robot's file. If those masses are right and no tool was mounted, the torque has another "
+            "scale or unit (N m?) on all joints, and the mass is wrong by the same factor. A weighed payload shows it: "
+            "`armload calibrate`."
+        )
 
 
 def _refuse_scale(run: Recording, position: FloatArray, torque: FloatArray, chain: Chain, arm: ArmMagnitudes) -> None:

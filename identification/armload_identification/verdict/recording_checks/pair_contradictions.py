@@ -82,10 +82,9 @@ def refuse_contradictions(fit: FittedPair, columns: RunColumns) -> None:
     try:
         for check in CONTRADICTIONS:
             check(fit)
-    except NothingMounted:
-        raise
-    except EstimationError:
-        columns.require_right()
+    except EstimationError as error:
+        if not isinstance(error, NothingMounted):
+            columns.require_right()
         raise
 
 

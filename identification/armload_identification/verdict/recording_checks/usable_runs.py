@@ -175,6 +175,19 @@ def _refuse_copies(run: Run) -> None:
             )
 
 
+def _refuse_zeros(run: Run) -> None:
+    """Raise for efforts that are exactly 0 in many rows between two far from it: values that are missing."""
+    size, step = np.abs(reported_effort(run.recording)), np.abs(np.diff(reported_effort(run.recording), axis=0))
+    unit = np.where(step > 0.0, step, np.inf).min(axis=0)
+    far = size > np.maximum(RunLevels.far_share * size.max(axis=0), RunLevels.far_units * unit)
+    missing = np.mean((size[1:-1] == 0.0) & far[:-2] & far[2:], axis=0)
+    for joint in np.flatnonzero(missing > RunLevels.missing_share):
+        raise RecordingError(
+            f"{run.recording.source.path}: the current or torque of joint {joint + 1} is 0 in "
+            f"{100.0 * missing[joint]:.2g} % of the rows, between values far from 0: it is missing. Leave it empty."
+        )
+
+
 def _refuse_absolute(run: Run) -> None:
     """Raise for torques that come to zero and never cross it: friction alone changes their sign at each reversal."""
     measured = reported_effort(run.recording)[:, _moves(run)]
@@ -246,6 +259,7 @@ RUN_CHECKS = (
     _refuse_velocity_as_effort,
     _refuse_constant,
     _refuse_copies,
+    _refuse_zeros,
     _refuse_absolute,
     _refuse_saturation,
     _refuse_stuck,

@@ -228,6 +228,14 @@ def test_a_wrong_mass_is_named_with_how_far_it_is_off(runs, pinocchio_arm, other
     assert any("mounting 'other': 3.250 kg was entered, all other data give" in text for text in found.warnings)
 
 
+def test_the_only_weighed_mass_is_questioned_if_it_changes_all_gains(four, pinocchio_arm, nominal):
+    """From 4 standard deviations on, a mass 10 % too great, with an adapter that was not weighed, passed in silence."""
+    for factor in (1.0, 1.12):
+        masses = {"weighed": WeighedPayload(factor * pinocchio_arm.payload.mass_kg)}
+        warnings = calibrated(four, masses, pinocchio_arm, nominal).warnings
+        assert any("was entered, all other data give" in text for text in warnings) is (factor > 1.0)
+
+
 def test_a_payload_that_is_known_whole_narrows_the_wrist(runs, weighed, pinocchio_arm, nominal, result):
     whole = {"weighed": WeighedPayload(pinocchio_arm.payload.mass_kg, pinocchio_arm.payload)}
     found = calibrated(runs, whole, pinocchio_arm, nominal)

@@ -811,7 +811,7 @@ def test_columns_are_exchanged_if_the_residual_is_smaller_by_1_5_of_its_logarith
 
     class Fake:
         def __init__(self, run, chain, coupling, base, order=None):
-            self.order = order
+            self.order = order if hasattr(chain, "under") else 0
 
         def trial(self, columns):
             if self.order is None and np.array_equal(columns, np.eye(3)):
@@ -820,7 +820,9 @@ def test_columns_are_exchanged_if_the_residual_is_smaller_by_1_5_of_its_logarith
 
     monkeypatch.setattr(f"{CHECKS}.column_mistakes._LinksAndFriction", Fake)
     monkeypatch.setattr(f"{CHECKS}.column_mistakes.base_columns", lambda *_: None)
-    exchange = exchanged_columns(SimpleNamespace(moves=np.ones(3, dtype=bool)), SimpleNamespace(n=3), None)
+    chain = SimpleNamespace(n=3, gravity_m_s2=np.array([0.0, 0.0, -9.81]))
+    chain.under = lambda _: SimpleNamespace(n=3)
+    exchange = exchanged_columns(SimpleNamespace(moves=np.ones(3, dtype=bool)), chain, None)
     assert (exchange is not None) is found
     assert not found or exchange.joints == (0, 1, 2)
 

@@ -1,6 +1,7 @@
 """Impossible magnitudes are rejected, with the unit that they suggest; possible ones pass."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -134,9 +135,9 @@ def test_a_mass_that_may_be_within_the_arms_range_passes(interval_kg):
 def test_torque_of_another_unit_on_all_joints_is_noted_from_the_links_weight(
     chain_and_links, arm, moved, strength, said
 ):
-    time_s, position, torque = moved
-    run = Recording.from_arrays(time_s, position, torque_nm=strength * torque)
-    notes = scale_notes(run, chain_and_links[0], run.torque_nm, arm)
+    _, position, torque = moved
+    run = SimpleNamespace(states=SimpleNamespace(position_rad=position), torque_nm=strength * torque)
+    notes = list(scale_notes(run, chain_and_links[0], arm))
     assert bool(notes) is bool(said)
     assert not said or f"is {said}" in notes[0]
-    assert scale_notes(run, chain_and_links[0], run.torque_nm, replace(arm, body=None)) == []
+    assert not list(scale_notes(run, chain_and_links[0], replace(arm, body=None)))
