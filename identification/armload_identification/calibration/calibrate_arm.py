@@ -55,6 +55,7 @@ from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.motion import Motion
 from armload_identification.signals.reversals import TURN_OVER
 from armload_identification.verdict.joint_words import numbered_joints, remarked_joints
+from armload_identification.verdict.recording_checks.column_mistakes import exchanged_columns
 from armload_identification.verdict.recording_checks.usable_runs import usable_runs
 
 HALVES: Final = 1.25
@@ -149,6 +150,7 @@ class _Calibration:
             fits = mistake.residual_share < OtherMounting.little or len(self._used) < 3
             without = None if fits else self._without_worst(self._fitted(self._used))
             if without is None or self._noise_share(without).max() > Calibrating.unexplained:
+                self._refuse_other_columns([] if fits else self._used)
                 raise
             self._refuse_other_mounting()
             fit = without
@@ -159,6 +161,8 @@ class _Calibration:
         while without := self._without_worst(fit):
             fit = without
         self._progress(self._total, self._total)
+        if self._noise_share(fit).max() > Calibrating.unexplained:
+            self._refuse_other_columns(self._used)
         warnings = [*self._noise_warnings(fit), *self._mass_warnings(fit), *self._friction_warnings(fit)]
         hashes = {run.name: run.given.recording.source.sha256 for run in self._used}
         found = self._named(fit, warnings, robot, replace(made, recordings_sha256=hashes))
@@ -209,8 +213,7 @@ class _Calibration:
         """The motion of a run; None, with the reason recorded, if it cannot be used."""
         path = recording.source.path
         try:
-            (run,) = usable_runs([recording], self._chain.n, self._transmission)
-            motion = motion_with_rows(run)
+            motion = motion_with_rows(usable_runs([recording], self._chain.n, self._transmission)[0])
             if not row_window(motion).middle.size:
                 raise RecordingError(f"{path}: {NO_ROWS}")
         except IdentificationError as problem:
@@ -269,6 +272,12 @@ class _Calibration:
 
         refuse_other_mounting(shares, self._chain, self._transmission.coupling, self._moves)
 
+    def _refuse_other_columns(self, runs: Sequence[_UsedRun]) -> None:
+        """Raise if a run's columns are those of another joint or direction, or its arm is mounted differently."""
+        for run in runs:
+            if exchange := exchanged_columns(run.motion, self._chain, self._transmission.coupling):
+                raise EstimationError(f"{run.name}: {exchange.said}")
+
     def _reason(self, run: _UsedRun, fit: Posterior, *, among_all: float, gross: bool) -> str | None:
         """What is wrong with a run beside the others' fit."""
         arm, mounting = ArmKnowledge(fit, self._layout), run.given.mounting
@@ -308,8 +317,7 @@ class _Calibration:
             place = fit.problem.place(PAYLOAD, name).start
             found, spread = fit.x[place], fit.bread[place, place]
             scale = (WEIGHED_WITHIN * payload.mass_kg) ** 2
-            information = 1.0 / spread - 1.0 / scale
-            if information <= 0.0:
+            if (information := 1.0 / spread - 1.0 / scale) <= 0.0:
                 continue
             others_kg = (found / spread - payload.mass_kg / scale) / information
             deviation = HALVES / np.sqrt(information)
@@ -334,8 +342,7 @@ class _Calibration:
 
     def _motion_warnings(self, found: ArmCalibration) -> Iterator[str]:
         """Joints whose torque on other motions is uncertain."""
-        level = found.level(self._chain)
-        share = np.max([doubtful_share(found, level, run.motion) for run in self._used], axis=0)
+        share = np.max([doubtful_share(found, found.level(self._chain), run.motion) for run in self._used], axis=0)
         if joints := remarked_joints((share > Calibrating.doubtful) & self._moves, "{:.0f} %", 100.0 * share):
             yield (
                 f"for other motions, the error of the predicted torque of {joints} may be this large (95 %): add "

@@ -153,11 +153,8 @@ class _Carried:
 def _payload_text(found: _Carried, mounting: str, mass_kg: float | None, elsewhere: _Carried | None) -> str:
     """The run's payload, compared with the stated one and with that of other runs of its mounting."""
     found_kg = float(found.theta[0])
-    if (
-        mass_kg is not None
-        and found_kg > Contradiction.light_kg
-        and abs(np.log(mass_kg / (_GRAMS * found_kg))) < Contradiction.roughly
-    ):
+    grams_kg = 0.0 if mass_kg is None else mass_kg / _GRAMS
+    if grams_kg and found_kg > Contradiction.light_kg and abs(np.log(grams_kg / found_kg)) < Contradiction.roughly:
         return f"it carries {found_kg:.3f} kg, not {mass_kg:g} kg: mass_kg was entered in grams"
     if found_kg < Contradiction.light_kg + Contradiction.light_share * (mass_kg or 0.0):
         return "it carries nothing"

@@ -96,9 +96,8 @@ def identify_runs(
 def _alone(run: Run, chain: Chain, transmission: Transmission, arm: KnownArm, prior: Prior | None) -> Identification:
     """The payload of one run, if its columns are the arm's: they are named before what would be their consequence."""
     motion, coupling = run.motion, transmission.coupling
-    problem = single_problem(motion, chain, coupling, arm)
     try:
-        found = identify_alone(run, motion, problem, transmission, arm, prior)
+        found = identify_alone(run, motion, single_problem(motion, chain, coupling, arm), transmission, arm, prior)
     except EstimationError as error:
         if not isinstance(error, NothingMounted):
             require_right_columns(run, motion, chain, coupling)

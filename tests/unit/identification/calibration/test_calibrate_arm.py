@@ -228,6 +228,20 @@ def test_a_wrong_mass_is_named_with_how_far_it_is_off(runs, pinocchio_arm, other
     assert any("mounting 'other': 3.250 kg was entered, all other data give" in text for text in found.warnings)
 
 
+@pytest.mark.parametrize("joints", [(3, 5), (2, 3)], ids=str)
+def test_joints_that_are_exchanged_in_all_runs_are_named_so(four, weighed, pinocchio_arm, nominal, joints):
+    """Joints 4 and 6 were 'joint 4 is inverted: set the drive's polarity', 5 and 6 'runs contradict each other'."""
+    order = np.arange(6)
+    order[list(joints)] = joints[::-1]
+
+    def exchanged(run):
+        return replace(run, position_rad=run.position_rad[:, order], current_a=run.current_a[:, order])
+
+    runs = [replace(run, recording=exchanged(run.recording)) for run in four]
+    with pytest.raises(EstimationError, match=rf"joints {joints[0] + 1} and {joints[1] + 1} are exchanged"):
+        calibrated(runs, weighed, pinocchio_arm, nominal)
+
+
 def test_the_only_weighed_mass_is_questioned_if_it_changes_all_gains(four, pinocchio_arm, nominal):
     """From 4 standard deviations on, a mass 10 % too great, with an adapter that was not weighed, passed in silence."""
     for factor in (1.0, 1.12):
