@@ -101,7 +101,8 @@ def test_both_halves_are_recorded_and_evaluated(armload, recorded_halves, tmp_pa
     result = armload("commission", "prbt", "--output", tmp_path, "--mass-kg", "2", "--tolerance", "0.05", "0.01")
     assert str(result.exception) == "evaluated with 0.05"
     assert [load for load, *_ in recorded_halves] == ["unloaded", "loaded"]
-    assert {(plan.directory, plan.mass_kg, plan.slow_only) for _, plan, _ in recorded_halves} == {(tmp_path, 2.0, False)}
+    plans = {(plan.directory, plan.mass_kg, plan.slow_only) for _, plan, _ in recorded_halves}
+    assert plans == {(tmp_path, 2.0, False)}
     assert "payload 'gripper' mounted on the simulated flange\n" in result.output
     assert re.search(
         r"unloaded: 60 s of motion in 0 s \(.* times real time\), 6 feedback frames missing, 8 cycles sk", result.output
