@@ -1,8 +1,8 @@
 """Coverage of the 95 % intervals on four arms: nominal and calibrated pairs, single runs, both plants.
 
 Every seed draws what the priors state, and payloads: the errors of the gains; their drift from run to run, and since
-the calibration; another friction on the day of the identification, with the gears' loss by the load, than on that of
-the calibration. Both excitations with the empty arm, with a heavy payload that was weighed, and with one that was not,
+the calibration; zeros of the joints, other than in the calibration; another friction on the day of the identification,
+with the gears' loss by the load. Both excitations with the empty arm, with a heavy payload that was weighed, and with one that was not,
 calibrate the arm; another payload is identified on one of them. Exact gains do not drift, nor do nominal ones, whose
 intervals do not allow for it. The Panda is simulated by Pinocchio, and has no harsh plant.
 
@@ -28,7 +28,7 @@ from armload_drivers.cia402.arm_settings import EffortFeedback
 from armload_identification.calibration.calibration_result import COLD
 from armload_identification.calibration.mounted_runs import MountedRun, WeighedPayload
 from armload_identification.calibration.session_gains import ASSUMED
-from armload_identification.estimation.estimation_constants import Drift
+from armload_identification.estimation.estimation_constants import DisturbanceLimits, Drift
 from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import IdentificationError
 from armload_identification.model.chain import Chain
@@ -146,6 +146,7 @@ def deviations(name: str, twin: Twin, seed: int) -> dict[Mode, FloatArray]:
     role, truth = ROLES[rng.integers(len(ROLES))], shelf[carried].inertial().values
 
     friction, since = FRICTION[rng.integers(len(FRICTION))], rng.normal(0.0, ASSUMED)
+    zero_rad = rng.normal(0.0, DisturbanceLimits.usual_rad, chain.n)
 
     def recorded(role: str, payload: Cuboid | None, friction: float = 1.0, since: float = 0.0) -> Recording:
         drift = since + rng.normal(0.0, Drift.between_runs / np.sqrt(2.0))
@@ -153,9 +154,12 @@ def deviations(name: str, twin: Twin, seed: int) -> dict[Mode, FloatArray]:
 
     def steady(error: FloatArray) -> tuple[Recording, Recording]:
         loaded, unloaded = (_recorded(name, twin, role, on, friction, error, rng) for on in (shelf[carried], None))
-        return loaded, unloaded
+        return moved(loaded), moved(unloaded)
 
-    pair = recorded(role, shelf[carried], friction, since), recorded(role, None, friction, since)
+    def moved(run: Recording) -> Recording:
+        return replace(run, position_rad=run.position_rad + zero_rad, velocity_rad_s=None)
+
+    pair = moved(recorded(role, shelf[carried], friction, since)), moved(recorded(role, None, friction, since))
     held = steady(error)
     calibration = calibrated(
         [
