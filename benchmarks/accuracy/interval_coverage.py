@@ -2,9 +2,9 @@
 
 Every seed draws what the priors state, and payloads: the errors of the gains; their drift from run to run, and since
 the calibration; zeros of the joints, other than in the calibration; another friction on the day of the identification,
-with the gears' loss by the load. Both excitations with the empty arm, with a heavy payload that was weighed, and with one that was not,
-calibrate the arm; another payload is identified on one of them. Exact gains do not drift, nor do nominal ones, whose
-intervals do not allow for it. The Panda is simulated by Pinocchio, and has no harsh plant.
+with the gears' loss by the load. Both excitations with the empty arm, with a heavy payload that was weighed, and with
+one that was not, calibrate the arm; another payload is identified on one of them. Exact gains do not drift, nor do
+nominal ones, whose intervals do not allow for it. The Panda is simulated by Pinocchio, and has no harsh plant.
 
     python -m benchmarks.accuracy.interval_coverage [SEEDS [FIRST_SEED [ARM...]]]
 """

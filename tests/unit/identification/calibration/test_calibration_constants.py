@@ -634,6 +634,7 @@ def test_a_run_may_hide_if_a_joint_is_half_as_quiet_again_without_it(monkeypatch
     assert tried[:2] == [[0.0, 8.0, 8.0], [8.0, 0.0, 8.0]]
     assert len(tried) == len(advanced) == fits
 
+
 @pytest.mark.parametrize(("share", "warned"), [(0.119, False), (0.121, True)])
 def test_joints_of_which_an_eighth_remains_unexplained_are_named(share, warned):
     noise = SimpleNamespace(greatest_nm=np.array([2.0, 10.0]))
