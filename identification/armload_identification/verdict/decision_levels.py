@@ -467,13 +467,13 @@ class Magnitudes:
 
     Origin: right files: 0.96 to 1.18 in 20 runs of prbt, a 7-axis arm and the UR10e with its URDF; lbf ft gives 0.74,
         RMS for amplitude 0.71.
-    Factor of two: twice: 1 of 22 tests fails; half: 1 of 22 tests fails.
+    Factor of two: twice: right runs get the note; half: pound-feet get none.
     """
     high_scale: Final = 1.35
     """[1] The same from above: a tool that stays on the arm adds to it, 2.8 kg on a UR10e 0.3.
 
     Origin: as of `low_scale`.
-    Factor of two: either way: 1 of 22 tests fails.
+    Factor of two: half: right runs get the note; twice: 1 of 483 tests fails.
     """
     milli_within: Final = 3.0
     """[1] Factor of 1000 within which a scale is explained by milliampere or N mm.
@@ -573,19 +573,19 @@ class RunLevels:
     """[1] Share of a joint's greatest effort from which a value is far from 0; with `far_units`, of its resolution.
 
     Origin: prior, not measured.
-    Factor of two: either way: none of 75 tests fails.
+    Factor of two: twice: 1 of 483 tests fails; half: none.
     """
     far_units: Final = 20.0
     """[1] Least size of such a value, in the joint's smallest step: coarse values toggle about 0.
 
     Origin: prior, not measured.
-    Factor of two: either way: none of 75 tests fails.
+    Factor of two: either way: none of 483 tests fails.
     """
     missing_share: Final = 0.01
     """[1] Share of rows with an effort of 0 between two that are far from it, from which values are missing.
 
     Origin: each per cent of zeros makes a mass 1 % too small; 28 right runs have at most 0.05 %, noise alone 0.3 %.
-    Factor of two: either way: none of 75 tests fails.
+    Factor of two: either way: none of 483 tests fails.
     """
     lost_to_means: Final = 0.01
     """[1] Share of the motion's amplitude that means of long runs may cost.
