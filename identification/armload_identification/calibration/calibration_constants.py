@@ -61,7 +61,7 @@ class Calibrating:
     """[1] The same by a few steps from the fit of all, from which each of few runs is left out in a fit of its own.
 
     Origin: cost: right runs of the UR10e and er50 reach 1.08; wrong ones a seventh less than in a fit of their own.
-    Factor of two: half: all fits are made, twelve runs of the UR10e in 8.3 instead of 4.5 s of CPU; twice: not measured.
+    Factor of two: half: all fits are made, 8.3 s of CPU instead of 4.5 for twelve runs; twice: not measured.
     """
 
     few: Final = 12
