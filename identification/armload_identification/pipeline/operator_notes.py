@@ -87,7 +87,7 @@ def disturbance_notes(disturbances: Disturbances, since: str) -> Iterator[str]:
     if not disturbances.explanations:
         said += ". But that alone does not explain it, the cause may be another, and the intervals may not hold"
     elif any(one.of is not Disturbed.PULL for one in named):
-        said += "; the intervals allow for that"
+        said += "; the intervals allow for that alone"
     checks = listed(list(dict.fromkeys(_CHECK[one.of] for one in named)))
     hangs = "".join(
         f" The mass may be {one.size / _STANDARD_GRAVITY_M_S2:.2g} kg too {'great' if one.error[0] > 0.0 else 'small'} "
