@@ -224,4 +224,4 @@ def test_words_name_each_disturbance_with_its_unit_and_what_to_check():
     assert "pulled at the flange (base frame: " in note
     assert "8.0, " in note
     (note,) = notes_on(errors({TILT: 0.02}, {TILT: 0.001}))
-    assert "the base had tilted by 1.15 +- 0.11 deg since the calibration; the intervals allow for that. " in note
+    assert "the base had tilted by 1.15 +- 0.11 deg since the calibration; the intervals allow for that alone. " in note
