@@ -34,6 +34,7 @@ from armload_identification.estimation.arm_terms import (
     GAIN,
     PAYLOAD,
     TILT,
+    TILT_DEVIATION_RAD,
     arm_terms,
     effort_level,
     places_of,
@@ -413,7 +414,7 @@ class _Calibration:
                 for index, used in enumerate(self._used)
             ),
             left_out=tuple(self._left_out),
-            warnings=(*warnings, *self._undetermined(fit)),
+            warnings=(*warnings, *self._undetermined(fit), *_tilt_warnings(fit)),
             kinematics_sha256=kinematics_sha256(self._chain),
             provenance=provenance,
         )
@@ -427,6 +428,16 @@ class _Calibration:
                 "no payload was weighed: only the ratios of the gains are identified, their common scale is that of "
                 "the nominal gains. Add a run with a weighed payload and its mass_kg."
             )
+
+
+def _tilt_warnings(fit: Posterior) -> Iterator[str]:
+    """A base that is tilted by more than a spirit level leaves."""
+    tilt_rad = float(np.linalg.norm(fit.value(TILT)))
+    if tilt_rad > Calibrating.disagrees * TILT_DEVIATION_RAD:
+        yield (
+            f"the runs show a base that is tilted by {np.degrees(tilt_rad):.1f} deg against the configured gravity. "
+            "Correct gravity_m_s2: excitations and limits use it as configured."
+        )
 
 
 def _effort_change(fit: Posterior, index: int) -> dict[str, float]:

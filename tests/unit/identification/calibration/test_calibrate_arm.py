@@ -221,6 +221,18 @@ def test_a_rough_fit_that_goes_to_and_fro_says_nothing_about_the_mounting(
     assert rough[:2] == [True, False]
 
 
+@pytest.mark.parametrize(("tilt_deg", "warned"), [(1.0, False), (6.0, True)])
+def test_a_base_that_is_tilted_against_the_configuration_is_remarked(
+    runs, weighed, pinocchio_arm, nominal, tilt_deg, warned
+):
+    gravity, angle = pinocchio_arm.chain.gravity_m_s2, np.radians(tilt_deg)
+    turned = np.array([[1, 0, 0], [0, np.cos(angle), -np.sin(angle)], [0, np.sin(angle), np.cos(angle)]]) @ gravity
+    found = calibrated(runs, weighed, pinocchio_arm, nominal, pinocchio_arm.chain.under(turned))
+    said = [text for text in found.warnings if "a base that is tilted by" in text]
+    assert len(said) == warned
+    assert not warned or re.search(r" (5\.9|6\.[01]) deg against the configured gravity", said[0])
+
+
 def test_a_wrong_mass_is_named_with_how_far_it_is_off(runs, pinocchio_arm, other, nominal):
     masses = {"weighed": pinocchio_arm.payload.mass_kg, "other": 1.3 * other.payload.mass_kg}
     found = calibrated(runs, {k: WeighedPayload(v) for k, v in masses.items()}, pinocchio_arm, nominal)
