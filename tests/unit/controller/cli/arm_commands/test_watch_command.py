@@ -19,7 +19,7 @@ from armload_drivers.driver_errors import BusError
 @pytest.mark.parametrize(
     ("stated", "said"),
     [
-        (("--gain-drift", "3%"), "of 3 %, as stated"),
+        (("--gain-drift", "3%"), "from 3 %, as stated"),
         (("--reference", "unloaded_validation.mcap"), "(measured by unloaded_validation.mcap)."),
         (("--reference", "loaded_validation.mcap", "--reference-mass", "9.814"), "(measured by loaded_validation"),
     ],
