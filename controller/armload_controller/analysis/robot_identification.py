@@ -38,7 +38,7 @@ from armload_identification.identification_errors import (
 from armload_identification.model.payload import FLANGE, PayloadResult, Provenance
 from armload_identification.pipeline import payload_identification, payload_validation
 from armload_identification.pipeline.any_motion import SHORTEST_WINDOW_S, identify_windows
-from armload_identification.pipeline.identification_result import payload_result
+from armload_identification.pipeline.identification_result import Identification, payload_result
 from armload_identification.pipeline.payload_validation import gains_to_compare_by
 from armload_identification.pipeline.workpiece import Workpiece
 from armload_identification.recording import file_reading
@@ -207,9 +207,8 @@ def identify(
             f"Gains, links, load-dependent friction and delay of the arm are from {file}: {used.calibration.origin}."
         )
     if session is not None:
-        drifted_kg = float(identification.plain.considered[-1, 0])
-        notes.append(session.note(identification.parameters.mass_kg, drifted_kg))
-    elif used.calibration is None:
+        notes.append(_drift_note(session, identification))
+    else:
         notes.extend(scale_notes(identification.signal.unloaded, arm.chain, arm.magnitudes))
     weighed = known is not None and isinstance(known.mass_kg, int | float)
     verified = weighed or _scale_verified(used)
@@ -292,8 +291,13 @@ def identify_over_time(
     gains = session.corrected(found).transmission(arm.transmission)
     windows = identify_windows(run, used.chain, gains, session.arm(found.known_arm), every_s)
     known = [window.found for window in windows if window.found]
-    notes = [session.note(one.parameters.mass_kg, float(one.plain.considered[-1, 0])) for one in known[:1]]
-    return PayloadOverTime(arm.name, windows, run.source, tuple(notes))
+    notes = tuple(_drift_note(session, one) for one in known[:1])
+    return PayloadOverTime(arm.name, windows, run.source, notes)
+
+
+def _drift_note(session: SessionGains, found: Identification) -> str:
+    """What is assumed of the drift, the last of the errors with which the arm is held."""
+    return session.note(found.parameters.mass_kg, float(found.plain.considered[-1, 0]))
 
 
 def validate(

@@ -151,7 +151,8 @@ class _Calibration:
             fits = mistake.residual_share < OtherMounting.little or len(self._used) < 3
             without = None if fits else self._without_worst(self._fitted(self._used))
             if without is None or self._noise_share(without).max() > Calibrating.unexplained:
-                self._refuse_other_columns([] if fits else self._used)
+                if not fits:
+                    self._refuse_other_columns()
                 raise
             self._refuse_other_mounting()
             fit = without
@@ -163,7 +164,7 @@ class _Calibration:
             fit = without
         self._progress(self._total, self._total)
         if self._noise_share(fit).max() > Calibrating.unexplained:
-            self._refuse_other_columns(self._used)
+            self._refuse_other_columns()
         warnings = [*self._noise_warnings(fit), *self._mass_warnings(fit), *self._friction_warnings(fit)]
         hashes = {run.name: run.given.recording.source.sha256 for run in self._used}
         found = self._named(fit, warnings, robot, replace(made, recordings_sha256=hashes))
@@ -284,9 +285,9 @@ class _Calibration:
 
         refuse_other_mounting(shares, self._chain, self._transmission.coupling, self._moves)
 
-    def _refuse_other_columns(self, runs: Sequence[_UsedRun]) -> None:
+    def _refuse_other_columns(self) -> None:
         """Raise if a run's columns are those of another joint or direction, or its arm is mounted differently."""
-        for run in runs:
+        for run in self._used:
             if exchange := exchanged_columns(run.motion, self._chain, self._transmission.coupling):
                 raise EstimationError(f"{run.name}: {exchange.said}")
 

@@ -175,15 +175,15 @@ def _on_nominal_gains(gains: Gains, found: Identification) -> Iterator[str]:
         what = "Torques are as reported" if gains.from_torque else "Drive gains are nominal"
         each = 100.0 * NORMAL_HALF_WIDTH * float(np.sqrt(np.diag(gains.own_covariance).max()))
         allowed = f"The intervals allow for errors (95 %) of {each:.2g} % on each joint"
+        if found.uncertainty.half_width_95[0] < 10.0 * EXACT * found.parameters.mass_kg:
+            yield f"{what}, and the known mass sets their scale. {allowed}."
+            return
         all_together = 100.0 * NORMAL_HALF_WIDTH * gains.common_deviation
         lost = float(found.plain.load_friction.max())
         uneven = 100.0 * NORMAL_HALF_WIDTH * float(gear_asymmetry(np.array([lost]))[0])
         way = f"if gears that lose {100.0 * lost:.0f} % of their load lose more in one direction than in the other"
         of_gears = f", and of {uneven:.0f} % {way}" if uneven >= 1.0 else ""
         shift_kg = Drift.between_runs * abs(float(found.plain.drifting[0]))
-        if found.uncertainty.half_width_95[0] < 10.0 * EXACT * found.parameters.mass_kg:
-            yield f"{what}, and the known mass sets their scale. {allowed}."
-            return
         yield (
             f"{what}: the scale is not verified, and an error that all joints have in common gives the same relative "
             f"error of the mass. {allowed}, of {all_together:.2g} % on all together{of_gears}. A weighed payload "
@@ -295,8 +295,7 @@ def _on_calibrated_arm(plain: PayloadEstimate, arm: KnownArm | None) -> Iterator
     run = plain.runs - 1
     change, covariance = plain.friction(run)[:2], plain.friction_covariance(run)
     yield from friction_notes(standard_deviations(change, covariance, arm.drift[:2]))
-    strange = plain.noise_nm > ArmFit.noisier * arm.noise_nm
-    if strange.any():
+    if (strange := _noisier_joints(plain, arm)).any():
         yield (
             f"The torque of {numbered_joints(strange)} fits more than {ArmFit.noisier:.0f} times worse than in the "
             f"calibration: something pushed or held the arm, rows are too far apart, or a gain changed. {_DOUBTFUL} "
@@ -306,7 +305,12 @@ def _on_calibrated_arm(plain: PayloadEstimate, arm: KnownArm | None) -> Iterator
 
 def misfits(found: Identification, arm: KnownArm | None) -> bool:
     """Whether a payload does not explain the torque, or far worse than the calibration's runs were."""
-    return any(misfit_notes(found)) or bool(arm and np.any(found.plain.noise_nm > ArmFit.noisier * arm.noise_nm))
+    return any(misfit_notes(found)) or (arm is not None and bool(_noisier_joints(found.plain, arm).any()))
+
+
+def _noisier_joints(plain: PayloadEstimate, arm: KnownArm) -> NDArray[np.bool_]:
+    """(n,) True for joints that fit far worse than in the calibration."""
+    return np.asarray(plain.noise_nm > ArmFit.noisier * arm.noise_nm)
 
 
 def _on_arm(signal: LoadSignal, arm: BodyFit | None) -> Iterator[str]:

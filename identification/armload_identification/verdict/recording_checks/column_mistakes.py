@@ -252,8 +252,8 @@ def exchanged_columns(run: Motion, chain: Chain, coupling: FloatArray) -> _Excha
         both_ways = [system.trial(reordered(chain.n, three, shift)) for shift in (1, 2)]
         trials[_Exchange(three, _TORQUES)] = min(both_ways, key=lambda trial: (not trial.possible, trial.cost))
     for how, gravity in directions(chain.gravity_m_s2).items():
-        other = chain.under(gravity), coupling, base_columns(chain.under(gravity), coupling)
-        trials[_Exchange((), how)] = _LinksAndFriction(run, *other).trial(one)
+        other = chain.under(gravity)
+        trials[_Exchange((), how)] = _LinksAndFriction(run, other, coupling, base_columns(other, coupling)).trial(one)
     least = system.trial(one).cost - ArmFit.evident_gain
     found = {exchange: trial.cost for exchange, trial in trials.items() if trial.possible and trial.cost < least}
     return min(found, key=lambda exchange: found[exchange], default=None)

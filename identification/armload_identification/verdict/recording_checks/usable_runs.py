@@ -177,7 +177,8 @@ def _refuse_copies(run: Run) -> None:
 
 def _refuse_zeros(run: Run) -> None:
     """Raise for efforts that are exactly 0 in many rows between two far from it: values that are missing."""
-    size, step = np.abs(reported_effort(run.recording)), np.abs(np.diff(reported_effort(run.recording), axis=0))
+    effort = reported_effort(run.recording)
+    size, step = np.abs(effort), np.abs(np.diff(effort, axis=0))
     unit = np.where(step > 0.0, step, np.inf).min(axis=0)
     far = size > np.maximum(RunLevels.far_share * size.max(axis=0), RunLevels.far_units * unit)
     missing = np.mean((size[1:-1] == 0.0) & far[:-2] & far[2:], axis=0)

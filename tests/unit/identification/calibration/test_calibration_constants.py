@@ -569,7 +569,7 @@ def test_a_run_is_left_out_if_it_contradicts_the_others_or_makes_them_twice_as_q
         _motion_warnings=lambda _: ("moves",),
         _refuse_other_units=lambda: None,
         _refuse_other_mounting=lambda: None,
-        _refuse_other_columns=lambda runs: None,
+        _refuse_other_columns=lambda: None,
         _named=lambda fit, *_: Named(("named",)),
     )
     made._without_worst = partial(_Calibration._without_worst, made)
