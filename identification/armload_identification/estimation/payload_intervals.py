@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from armload_identification.estimation.physical_consistency import possible_spread
 from armload_identification.float_array import FloatArray
 from armload_identification.model.payload import (
     CONFIDENCE,
@@ -82,7 +83,7 @@ def quantify(found: PayloadEstimate, parameters: InertialParameters) -> Uncertai
     """
     values, slope = derived(parameters)
     variance, freedom = found.spread(slope)
-    width = student_half_width(freedom) * np.sqrt(variance)
+    width = student_half_width(freedom) * np.sqrt(variance) * _share_of_possible(found, parameters)
     return Uncertainty(
         values=values,
         half_width_95=width,
@@ -90,3 +91,20 @@ def quantify(found: PayloadEstimate, parameters: InertialParameters) -> Uncertai
         determined=width <= DETERMINED_SHARE * value_scale(abs(parameters.mass_kg)),
         covariance=found.covariance,
     )
+
+
+def _share_of_possible(found: PayloadEstimate, parameters: InertialParameters) -> FloatArray:
+    """(10,) share, up to 1, of the errors about the reported values that leave a possible body.
+
+    An estimate further from every possible body than its errors explain has greater ones.
+    """
+    if found.rank < found.theta.size:
+        return np.ones(len(found.theta))
+    values, slope = derived(parameters)
+    size = np.sqrt(np.diag(found.covariance))
+    apart = (parameters.theta - found.theta) / size
+    squared = apart @ np.linalg.solve(found.covariance / np.outer(size, size), apart)
+    mean, covariance = possible_spread(found.theta, max(1.0, squared / NORMAL_HALF_WIDTH**2) * found.covariance)
+    away = derived(InertialParameters(mean))[0] - values
+    free, kept = (np.sum((slope @ of) * slope, axis=1) for of in (found.covariance, covariance))
+    return np.asarray(np.minimum(np.sqrt((kept + away**2) / free), 1.0))

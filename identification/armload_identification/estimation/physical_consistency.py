@@ -31,6 +31,8 @@ if TYPE_CHECKING:  # the estimator in a control loop needs nothing of the pipeli
 WRITTEN_MARGIN: Final = 2.0 * SMALLEST_MARGIN
 """Imposed margin, large enough that rounding in a file does not reduce it below `SMALLEST_MARGIN`."""
 
+BARRIER: Final = 0.5
+"""Weight of the barrier -log det J that stands for the end of a distribution; a test compares it with samples."""
 _COMPACT_RADIUS_M: Final = 0.05
 """Radius of gyration per axis of the body towards which undetermined directions are drawn."""
 _PULL: Final = 1e-3
@@ -96,6 +98,31 @@ def nearest_possible(plain: InertialParameters, root: FloatArray) -> InertialPar
     if plain.margin >= WRITTEN_MARGIN:
         return plain
     return InertialParameters(project(root, root @ plain.theta, _interior(plain)))
+
+
+def possible_spread(plain: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Mean and covariance of the possible bodies among those that an estimate's errors allow.
+
+    The normal distribution that ends where bodies become impossible, by Laplace's method with a barrier for that end.
+
+    Args:
+        plain: (10,) the estimate, possible or not, with a mass above 0.
+        covariance: (10, 10), of full rank.
+
+    Returns:
+        (10,) and (10, 10); the covariance is at most the given one.
+
+    Raises:
+        LinAlgError: the covariance is too nearly singular.
+    """
+    size = np.sqrt(np.diag(covariance))
+    precise = np.linalg.inv(covariance / np.outer(size, size))
+    bodies = PSEUDO_INERTIA_BASIS * size[:, None, None]
+    square, end = precise / BARRIER, plain / size
+    x = inside_barrier(_interior(InertialParameters(plain)) / size, square, partial(_pulled_to, end, square), bodies)
+    inverse = np.linalg.inv(np.linalg.cholesky(np.tensordot(x, bodies, 1)))
+    curved = (inverse @ bodies @ inverse.T).reshape(len(x), -1)
+    return x * size, np.linalg.inv(precise + BARRIER * curved @ curved.T) * np.outer(size, size)
 
 
 def project(rows: FloatArray, target: FloatArray, start: FloatArray) -> FloatArray:

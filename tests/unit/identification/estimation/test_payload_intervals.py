@@ -9,7 +9,8 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import t as student
 
-from armload_identification.estimation.payload_intervals import quantify, student_half_width
+from armload_identification.estimation.payload_intervals import _share_of_possible, quantify, student_half_width
+from armload_identification.estimation.physical_consistency import make_physical, possible_spread
 from armload_identification.estimation.problem import Noise
 from armload_identification.estimation.residual_spectrum import FREEST
 from armload_identification.model.payload import PARAMETER_NAMES, InertialParameters, derived
@@ -17,6 +18,8 @@ from armload_identification.model.regressor import payload_regressor
 from tests.payload_rows import SAMPLES, STEP_S, exactly, payload_of, white
 
 pytestmark = pytest.mark.pure
+
+UNIT_BODIES = np.array([InertialParameters(row).pseudo_inertia for row in np.eye(10)])
 
 
 def coloured(rng, samples, memory_s):
@@ -75,12 +78,73 @@ def test_the_quantile_is_students_with_the_freedom_that_the_variances_scatter_by
         found = payload_of(regressor, torque)
         reported = quantify(found, InertialParameters(found.theta))
         quantile = reported.half_width_95[0] / np.sqrt(reported.covariance[0, 0])
+        quantile /= _share_of_possible(found, InertialParameters(found.theta))[0]
         assert quantile == pytest.approx(student.ppf(0.975, reported.degrees_of_freedom[0]), rel=1e-6)
         assert quantile > 1.98
         variances.append(reported.covariance[0, 0])
         freedoms.append(reported.degrees_of_freedom[0])
     scatter = 2.0 * np.mean(variances) ** 2 / np.var(variances)
     assert np.median(freedoms) == pytest.approx(scatter, rel=0.35)
+
+
+PLATE = InertialParameters.from_center_of_mass(2.0, [0.05, 0.0, 0.1], np.diag([0.010, 0.015, 0.02499]))
+BLOCK = InertialParameters.from_center_of_mass(2.0, [0.05, 0.0, 0.1], np.diag([0.02, 0.02, 0.02]))
+
+
+def errors_of(seed, share=0.2):
+    """(10, 10) covariance of a tenth of a kilogram, 10 mm, and a share of a plate's inertia, correlated at random."""
+    size = np.array([0.1, *[0.02] * 3, *[share * 0.02] * 6])
+    turn = np.random.default_rng(seed).normal(size=(10, 30)) / np.sqrt(30.0)
+    return turn @ turn.T * np.outer(size, size)
+
+
+@pytest.mark.parametrize(("body", "seed"), [(body, seed) for body in (PLATE, BLOCK) for seed in range(3)])
+def test_the_spread_of_possible_bodies_is_that_of_samples(body, seed):
+    """Errors of the normal distribution, without those that leave no possible body."""
+    covariance = errors_of(seed)
+    rng = np.random.default_rng(seed)
+    plain = rng.multivariate_normal(body.theta, covariance)
+    drawn = rng.multivariate_normal(plain, covariance, 40_000)
+    bodies = np.tensordot(drawn, UNIT_BODIES, 1)
+    kept = drawn[np.linalg.eigvalsh(bodies)[:, 0] > 0.0]
+    assert len(kept) > 400
+    mean, spread = possible_spread(plain, covariance)
+    size = np.sqrt(np.diag(covariance))
+    np.testing.assert_array_less(np.abs(kept.mean(axis=0) - mean), 0.35 * size)
+    longer = np.sqrt(np.diag(spread)) / kept.std(axis=0)
+    assert longer.min() > 0.95
+    assert longer.max() < 1.3
+    assert np.linalg.eigvalsh((covariance - spread) / np.outer(size, size))[0] > -1e-9
+
+
+def test_errors_that_leave_no_possible_body_do_not_widen_intervals(regressor, pinocchio_arm):
+    """A plate, whose inertia in its plane is at the limit: narrower intervals, which hold as often as they say."""
+    truth, _ = derived(PLATE)
+    noise_nm = 20.0 * pinocchio_arm.noise_nm
+    held, shares = [], []
+    for seed in range(100):
+        noise = np.random.default_rng(seed).normal(size=(SAMPLES, 6)) * noise_nm
+        found = payload_of(regressor, regressor @ PLATE.theta + noise, Noise.given(noise_nm, np.ones(6)))
+        body = make_physical(found)
+        reported = quantify(found, body)
+        free = np.sqrt(found.spread(derived(body)[1])[0]) * student_half_width(reported.degrees_of_freedom)
+        shares.append(reported.half_width_95 / free)
+        held.append(np.abs(reported.values - truth) <= reported.half_width_95)
+    assert np.max(shares) <= 1.0
+    assert np.median(shares, axis=0)[0] > 0.95
+    assert np.median(shares, axis=0)[4:].min() < 0.9
+    assert 0.93 <= np.mean(held) <= 0.98, np.mean(held, axis=0)
+    assert np.mean(held, axis=0).min() >= 0.85, np.mean(held, axis=0)
+
+
+def test_an_estimate_far_from_every_possible_body_keeps_its_intervals(regressor, pinocchio_arm):
+    """What its errors do not explain is not known to be small."""
+    impossible = InertialParameters.from_center_of_mass(2.0, [0.05, 0.0, 0.1], np.diag([0.05, 0.05, 0.3]))
+    noise_nm = 0.2 * pinocchio_arm.noise_nm
+    found = payload_of(regressor, regressor @ impossible.theta, Noise.given(noise_nm, np.ones(6)))
+    body = make_physical(found)
+    assert np.linalg.norm(found.root @ (body.theta - found.theta)) > 20.0
+    np.testing.assert_array_equal(_share_of_possible(found, body), 1.0)
 
 
 def test_derivatives_of_what_is_reported_are_right(pinocchio_arm):
