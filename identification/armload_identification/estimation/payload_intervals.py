@@ -103,7 +103,7 @@ def _share_of_possible(found: PayloadEstimate, parameters: InertialParameters) -
     values, slope = derived(parameters)
     size = np.sqrt(np.diag(found.covariance))
     apart = (parameters.theta - found.theta) / size
-    squared = apart @ np.linalg.solve(found.covariance / np.outer(size, size), apart)
+    squared = float(apart @ np.linalg.solve(found.covariance / np.outer(size, size), apart))
     mean, covariance = possible_spread(found.theta, max(1.0, squared / NORMAL_HALF_WIDTH**2) * found.covariance)
     away = derived(InertialParameters(mean))[0] - values
     free, kept = (np.sum((slope @ of) * slope, axis=1) for of in (found.covariance, covariance))
