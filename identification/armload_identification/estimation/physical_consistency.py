@@ -16,7 +16,7 @@ References:
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -116,13 +116,18 @@ def possible_spread(plain: FloatArray, covariance: FloatArray) -> tuple[FloatArr
         LinAlgError: the covariance is too nearly singular.
     """
     size = np.sqrt(np.diag(covariance))
-    precise = np.linalg.inv(covariance / np.outer(size, size))
-    bodies = PSEUDO_INERTIA_BASIS * size[:, None, None]
-    square, end = precise / BARRIER, plain / size
-    x = inside_barrier(_interior(InertialParameters(plain)) / size, square, partial(_pulled_to, end, square), bodies)
-    inverse = np.linalg.inv(np.linalg.cholesky(np.tensordot(x, bodies, 1)))
-    curved = (inverse @ bodies @ inverse.T).reshape(len(x), -1)
-    return x * size, np.linalg.inv(precise + BARRIER * curved @ curved.T) * np.outer(size, size)
+    root = np.linalg.solve(np.linalg.cholesky(covariance / np.outer(size, size)), np.diag(1.0 / size))
+    distance = _Distance.of(root, root @ plain, 0.0)
+    x = _interior(InertialParameters(plain)) / distance.scale
+    last = 0.5 / BARRIER
+    sharpness = last * _BARRIER_GROWTH ** -np.ceil(np.log(1.0 + distance.squared(x)) / np.log(_BARRIER_GROWTH))
+    while sharpness < last:
+        x, sharpness = distance.nearest(x, sharpness), sharpness * _BARRIER_GROWTH
+    x = distance.nearest(x, last)
+    inverse = np.linalg.inv(np.linalg.cholesky(np.tensordot(x, distance.constraint, 1)))
+    curved = (inverse @ distance.constraint @ inverse.T).reshape(len(x), -1)
+    spread = np.linalg.inv(BARRIER * (last * distance.hessian + curved @ curved.T))
+    return x * distance.scale, spread * np.outer(distance.scale, distance.scale)
 
 
 def project(rows: FloatArray, target: FloatArray, start: FloatArray) -> FloatArray:
@@ -140,34 +145,68 @@ def project(rows: FloatArray, target: FloatArray, start: FloatArray) -> FloatArr
     Raises:
         EstimationError: the barrier method did not settle.
     """
-    # Unit columns and unit cost: Newton's method is invariant to scale, the rounding in its linear systems is not.
-    scale = 1.0 / np.sqrt(np.sum(rows**2, axis=0))
-    scaled = rows * scale
-    unconstrained, *_ = np.linalg.lstsq(scaled, target, rcond=None)
-    _, triangle = np.linalg.qr(scaled)
-    hessian = 2.0 * triangle.T @ triangle
-    trace = np.trace(PSEUDO_INERTIA_BASIS, axis1=1, axis2=2)
-    constraint = PSEUDO_INERTIA_BASIS - WRITTEN_MARGIN * trace[:, None, None] * np.eye(4)
-    constraint = constraint * scale[:, None, None]
-    x = start / scale
-    worst = float(np.sum((triangle @ (x - unconstrained)) ** 2))
-    size = max(worst, float(np.sum((triangle @ unconstrained) ** 2)) * 1e-12)
+    distance = _Distance.of(rows, target, WRITTEN_MARGIN)
+    x = start / distance.scale
+    size = max(distance.squared(x), distance.squared(0.0 * x) * 1e-12)
     sharpness = 4.0 / size
     while True:
         try:
-            square = sharpness * hessian
-            x = inside_barrier(x, square, partial(_pulled_to, unconstrained, square), constraint)
+            x = distance.nearest(x, sharpness)
         except np.linalg.LinAlgError as error:
             if 4.0 / sharpness <= _SUFFICIENT_GAP * size:
-                return np.asarray(x * scale)
+                return np.asarray(x * distance.scale)
             raise EstimationError(
                 "no physically possible payload was found near the estimate "
                 f"(gap {4.0 / sharpness:.2g} of {size:.2g}): columns, joint order or signs do not belong "
                 "to this arm, or the motion moves too few joints: check them, or record a longer motion of all joints."
             ) from error
         if 4.0 / sharpness <= _RELATIVE_GAP * size:
-            return np.asarray(x * scale)
+            return np.asarray(x * distance.scale)
         sharpness *= _BARRIER_GROWTH
+
+
+@dataclass(frozen=True, eq=False)
+class _Distance:
+    """||rows theta - target||^2 of a body, and the constraint on it, for x = theta / scale.
+
+    Attributes:
+        scale: (10,) units of x: unit columns, as Newton's method is invariant to scale, the rounding in its linear
+            systems is not.
+        root: (10, 10) triangle of the rows.
+        hessian: (10, 10) of the distance.
+        unconstrained: (10,) its minimum.
+        constraint: (10, 4, 4) G per parameter.
+    """
+
+    scale: FloatArray
+    root: FloatArray
+    hessian: FloatArray
+    unconstrained: FloatArray
+    constraint: FloatArray
+
+    @classmethod
+    def of(cls, rows: FloatArray, target: FloatArray, margin: float) -> _Distance:
+        """The distance of (k, 10) rows and a (k,) target."""
+        scale = 1.0 / np.sqrt(np.sum(rows**2, axis=0))
+        scaled = rows * scale
+        unconstrained, *_ = np.linalg.lstsq(scaled, target, rcond=None)
+        _, root = np.linalg.qr(scaled)
+        trace = np.trace(PSEUDO_INERTIA_BASIS, axis1=1, axis2=2)
+        constraint = PSEUDO_INERTIA_BASIS - margin * trace[:, None, None] * np.eye(4)
+        return cls(scale, root, 2.0 * root.T @ root, unconstrained, constraint * scale[:, None, None])
+
+    def squared(self, x: FloatArray) -> float:
+        """The distance beyond its minimum."""
+        return float(np.sum((self.root @ (x - self.unconstrained)) ** 2))
+
+    def nearest(self, x: FloatArray, sharpness: float) -> FloatArray:
+        """The minimum of sharpness times the distance, plus the barrier, from an x inside.
+
+        Raises:
+            LinAlgError: it did not settle.
+        """
+        square = sharpness * self.hessian
+        return inside_barrier(x, square, lambda x: np.asarray(square @ (x - self.unconstrained)), self.constraint)
 
 
 def inside_barrier(
@@ -219,11 +258,6 @@ def inside_barrier(
     if decrement > _NEAR_MINIMUM:
         raise np.linalg.LinAlgError(f"no minimum within {_NEWTON_STEPS} steps")
     return x
-
-
-def _pulled_to(unconstrained: FloatArray, square: FloatArray, x: FloatArray) -> FloatArray:
-    """(10,) gradient of the cost."""
-    return np.asarray(square @ (x - unconstrained))
 
 
 def _ball(plain: InertialParameters, spread: float = 1.0) -> InertialParameters:

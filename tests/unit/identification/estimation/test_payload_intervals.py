@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -252,3 +253,11 @@ def test_residuals_beyond_the_least_noise_count_as_far_as_chance_does_not_explai
     assert np.mean([share for size, share in above if size == 0.7]) == pytest.approx(1.0, abs=0.02)
     assert np.median([share for size, share in above if size == 1.0]) < 1.05
     assert 1.02 < np.mean([share for size, share in above if size == 1.1]) < 1.6
+
+
+def test_a_covariance_that_cannot_be_inverted_narrows_nothing():
+    covariance = errors_of(0)
+    covariance[0] = covariance[:, 0] = 0.0
+    covariance[0, 0] = np.nan
+    found = SimpleNamespace(theta=BLOCK.theta, rank=10, covariance=covariance)
+    np.testing.assert_array_equal(_share_of_possible(found, BLOCK), 1.0)
