@@ -2,9 +2,10 @@
 
 Every seed draws what the priors state, and payloads: the errors of the gains; their drift from run to run, and since
 the calibration; zeros of the joints, other than in the calibration; another friction on the day of the identification,
-with the gears' loss by the load. Both excitations with the empty arm, with a heavy payload that was weighed, and with
-one that was not, calibrate the arm; another payload is identified on one of them. Exact gains do not drift, nor do
-nominal ones, whose intervals do not allow for it. The Panda is simulated by Pinocchio, and has no harsh plant.
+with the gears' loss by the load; and friction that changes from run to run. Both excitations with the empty arm, with
+a heavy payload that was weighed, and with one that was not, calibrate the arm; another payload is identified on one of
+them. Exact gains do not drift, nor do nominal ones, whose intervals do not allow for it. The Panda is simulated by
+Pinocchio, and has no harsh plant.
 
     python -m benchmarks.accuracy.interval_coverage [SEEDS [FIRST_SEED [ARM...]]]
 """
@@ -39,6 +40,7 @@ from benchmarks.arms import sagging_panda
 from benchmarks.arms.bodies import ER50_PAYLOADS, PRBT_PAYLOADS, Cuboid
 from benchmarks.arms.calibrated import calibrated, identified_with
 from benchmarks.arms.drafted_arm import PAYLOAD_KG, drafted_arm
+from benchmarks.arms.gears import Gears
 from benchmarks.arms.sagging_panda import Effects, SaggingPanda
 from benchmarks.arms.setups import Twin, shipped_motion, twin_spec
 from benchmarks.arms.simulated_recordings import DriveScales, record
@@ -205,12 +207,18 @@ def _recorded(
     error: FloatArray,
     rng: np.random.Generator,
 ) -> Recording:
-    """A run with noise and gain errors."""
+    """A run with noise and gain errors, and with its own friction."""
     if name == PANDA:
         loaded, unloaded = _panda(role, payload, friction).pair(int(rng.integers(2**31)), error, with_phase=True)
-        return unloaded if payload is None else loaded
-    periods = _robot(name).excitations[role].periods
-    return record(_period(name, twin, role, payload, friction), _scales(name), periods, rng, error)
+        run = unloaded if payload is None else loaded
+        speed = sagging_panda.excitation(1 + ROLES.index(role)).evaluate(run.time_s).velocity_rad_s
+        gears = Gears(sagging_panda.COULOMB_NM, sagging_panda.VISCOUS_NM_S_RAD)
+        changed = gears.changed_nm(speed, 0.0, rng) / (1.0 + error)
+        return replace(run, current_a=np.asarray(run.current_a) + changed)
+    periods, scales = _robot(name).excitations[role].periods, _scales(name)
+    gears = Gears.of(twin_spec(_robot(name), twin, None).joints)
+    period = gears.run(_period(name, twin, role, payload, friction), scales.coupling, 0.0, rng)
+    return record(period, scales, periods, rng, error)
 
 
 @cache

@@ -21,9 +21,7 @@ import numpy as np
 from armload_controller.config.robot import load_robot
 from armload_drivers.cia402.arm_settings import EffortFeedback
 from armload_drivers.simulation.plant_spec import RigidBody
-from armload_identification.calibration.calibration_result import COLD
 from armload_identification.calibration.mounted_runs import WeighedPayload
-from armload_identification.estimation.arm_terms import WITHIN_HOURS
 from armload_identification.estimation.payload_from_posterior import gear_asymmetry
 from armload_identification.float_array import FloatArray
 from armload_identification.model.payload import InertialParameters, PayloadResult, Provenance
@@ -33,6 +31,7 @@ from armload_identification.pipeline.workpiece import Workpiece
 from armload_identification.recording.recording import Recording
 from benchmarks.arms.bodies import ER50_PAYLOADS
 from benchmarks.arms.calibrated import calibrated_from_pair, identified_with
+from benchmarks.arms.gears import Gears
 from benchmarks.arms.setups import Twin, setup_of, shipped_motion
 from benchmarks.arms.simulated_recordings import record
 from benchmarks.arms.steady_state import SteadyPeriod
@@ -44,9 +43,6 @@ SEEDS_PER_TASK = 5
 LEAST, MOST = 0.93, 0.97
 NAMES = ("mass", "cx", "cy", "cz")
 GRIPPER = InertialParameters.from_center_of_mass(3.0, [0.004, -0.010, 0.075], np.diag([0.014, 0.012, 0.006]))
-_FRICTION = ("coulomb_nm", "viscous_nm_s_rad")
-_TURNS = 0.01
-"""Share of the greatest speed around a reversal in which a change of Coulomb friction turns over."""
 WEIGHED = ER50_PAYLOADS[8]
 """Payload that an arm is calibrated with."""
 PART = InertialParameters.from_center_of_mass(0.5, [0.010, 0.005, 0.190], np.diag([0.0006, 0.0006, 0.0004]))
@@ -84,52 +80,22 @@ CASES = (
 )
 
 
-@dataclass(frozen=True, eq=False)
-class Gears:
-    """What is drawn of an arm's n gears.
+def _gears(case: Case) -> Gears:
+    """The gears of a case."""
+    joints = load_robot(case.robot).simulation.plant_spec(None).joints
+    if case.twin is Twin.CLEAN:
+        joints = tuple(replace(joint, coulomb_nm=0.0, viscous_nm_s_rad=0.0) for joint in joints)
+    return Gears.of(joints)
 
-    Attributes:
-        gain_covariance: (n, n) of the logarithms of the gains' errors.
-        coulomb_nm: (n,) Coulomb friction.
-        viscous_nm_s_rad: (n,) viscous friction.
-    """
 
-    gain_covariance: FloatArray
-    coulomb_nm: FloatArray
-    viscous_nm_s_rad: FloatArray
-
-    @staticmethod
-    def of(case: Case, setup: Setup) -> Gears:
-        """The gears of a case."""
-        joints = load_robot(case.robot).simulation.plant_spec(None).joints
-        covariance = np.zeros((setup.chain.n, setup.chain.n))
-        if case.nominal:
-            torque = setup.scales.feedback is EffortFeedback.TORQUE
-            uneven = gear_asymmetry(np.array([joint.load_friction for joint in joints]))
-            covariance = setup.transmission.gains(from_torque=torque).covariance
-            covariance = covariance + np.diag(uneven**2) + np.outer(uneven, uneven)
-        has_friction = case.twin is not Twin.CLEAN
-        coulomb, viscous = ([has_friction * getattr(joint, name) for joint in joints] for name in _FRICTION)
-        return Gears(covariance, np.array(coulomb), np.array(viscous))
-
-    def days(self, rng: np.random.Generator) -> FloatArray:
-        """(3, n) changes of a day's Coulomb friction, viscous friction and offset."""
-        steady = np.stack([self.coulomb_nm, self.viscous_nm_s_rad, 0.0 * self.coulomb_nm])
-        return np.asarray(COLD * steady * rng.normal(size=steady.shape))
-
-    def run(
-        self, period: SteadyPeriod, coupling: FloatArray, day: FloatArray, rng: np.random.Generator
-    ) -> SteadyPeriod:
-        """A period with the friction of a day and of one run."""
-        position = period.axis_position_rad @ coupling.T
-        speed = (np.roll(position, -1, axis=0) - np.roll(position, 1, axis=0)) / (2.0 * period.sample_s)
-        peak = np.abs(speed).max(axis=0)
-        friction = self.coulomb_nm + 0.5 * self.viscous_nm_s_rad * peak
-        size = WITHIN_HOURS[:, None] * np.stack([friction, 2.0 * friction / peak, friction])
-        coulomb, viscous, offset = day + size * rng.normal(size=size.shape)
-        direction = speed / np.hypot(speed, _TURNS * peak)
-        changed_nm = coulomb * direction + viscous * speed + offset
-        return replace(period, axis_torque_nm=period.axis_torque_nm + changed_nm @ coupling)
+def _gain_covariance(case: Case, setup: Setup) -> FloatArray:
+    """(n, n) of the logarithms of the gains' errors."""
+    if not case.nominal:
+        return np.zeros((setup.chain.n, setup.chain.n))
+    joints = load_robot(case.robot).simulation.plant_spec(None).joints
+    uneven = gear_asymmetry(np.array([joint.load_friction for joint in joints]))
+    covariance = setup.transmission.gains(from_torque=setup.scales.feedback is EffortFeedback.TORQUE).covariance
+    return np.asarray(covariance + np.diag(uneven**2) + np.outer(uneven, uneven))
 
 
 def run(tally: Tally, pool: Executor, seeds: int = SEEDS) -> None:
@@ -173,8 +139,8 @@ def _made(pool: Executor, case: Case, seeds: int) -> FloatArray:
         for what, body in (("gripper", GRIPPER), ("with part", both))
     )
     starts = range(0, seeds, SEEDS_PER_TASK)
-    gears = Gears.of(case, setups[0])
-    tasks = [pool.submit(_some, setups, gears, range(start, min(start + SEEDS_PER_TASK, seeds))) for start in starts]
+    drawn = _gears(case), _gain_covariance(case, setups[0])
+    tasks = [pool.submit(_some, setups, *drawn, range(start, min(start + SEEDS_PER_TASK, seeds))) for start in starts]
     made: list[FloatArray] = []
     with progress_line("workpieces", seeds) as progress:
         for task in tasks:
@@ -187,18 +153,18 @@ def _rigid(body: InertialParameters) -> RigidBody:
     return RigidBody(body.mass_kg, body.center_of_mass_m, body.inertia_about_com)
 
 
-def _some(setups: Sequence[Setup], gears: Gears, seeds: Sequence[int]) -> list[FloatArray]:
-    return [_one(setups, gears, seed) for seed in seeds]
+def _some(setups: Sequence[Setup], gears: Gears, covariance: FloatArray, seeds: Sequence[int]) -> list[FloatArray]:
+    return [_one(setups, gears, covariance, seed) for seed in seeds]
 
 
-def _one(setups: Sequence[Setup], gears: Gears, seed: int) -> FloatArray:
+def _one(setups: Sequence[Setup], gears: Gears, covariance: FloatArray, seed: int) -> FloatArray:
     """Gripper, whole, and the part from both."""
     first = setups[0]
     rng = first.rng(seed)
-    gain_error = np.expm1(rng.multivariate_normal(np.zeros(first.scales.n), gears.gain_covariance))
+    gain_error = np.expm1(rng.multivariate_normal(np.zeros(first.scales.n), covariance))
 
     def pair(*loads: SteadyPeriod) -> list[Recording]:
-        day, (n, scales) = gears.days(rng), (first.periods, first.scales)
+        day, (n, scales) = gears.day(rng), (first.periods, first.scales)
         return [record(gears.run(load, scales.coupling, day, rng), scales, n, rng, gain_error) for load in loads]
 
     calibration = None
