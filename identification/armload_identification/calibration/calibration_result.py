@@ -293,9 +293,9 @@ class ArmCalibration:
         }
         turn = np.ones(len(self.covariance))
         turn[self.place(GAIN)] = -1.0
-        size = turn * np.sqrt(np.maximum(np.diag(self.covariance), np.finfo(float).tiny))
+        size = np.sqrt(np.maximum(np.diag(self.covariance), np.finfo(float).tiny))
         power, axes = np.linalg.eigh(self.covariance / np.outer(size, size))
-        whitened = (axes / np.sqrt(np.maximum(power, _LEAST_POWER * power[-1]))) / size[:, None]
+        whitened = (axes / np.sqrt(np.maximum(power, _LEAST_POWER * power[-1]))) * (turn / size)[:, None]
         precision = _FIRMLY**2 * whitened @ whitened.T
         mean = np.concatenate([values[name] for name in ARM_TERMS])
         return KnownArm(

@@ -88,11 +88,11 @@ def _refuse_long_means(run: Run) -> None:
     rows = run.recording
     if rows.repeats is None or rows.average is not None:
         return
-    mean_s = float(np.median(np.diff(rows.time_s)))
-    velocity = np.diff(rows.position_rad, axis=0) / mean_s
-    change = np.mean(np.diff(velocity, axis=0) ** 2)
-    lost = float(change / max(float(np.mean(velocity**2)), np.finfo(float).tiny)) / 24.0
+    steps = np.diff(rows.position_rad, axis=0)
+    change = np.mean(np.diff(steps, axis=0) ** 2)
+    lost = float(change / max(float(np.mean(steps**2)), np.finfo(float).tiny)) / 24.0
     if lost > RunLevels.lost_to_means:
+        mean_s = float(np.median(np.diff(rows.time_s)))
         hours = (rows.time_s[-1] - rows.time_s[0]) / 3600.0
         raise RecordingError(
             f"{rows.source.path}: {hours:.1f} h without a known excitation were reduced to means over "

@@ -202,6 +202,11 @@ def test_an_array_without_elements_has_no_value(kind):
     assert not any(key >> 8 == 0x1003 for key in description.objects)
 
 
+def test_a_sub_index_is_hexadecimal():
+    description = load(GOOD + "\n[1400sub1A]\nParameterName=a\nDataType=7\nAccessType=rw\n")
+    assert 0x14001A in description.objects
+
+
 def test_bytes_that_are_no_utf8_are_reported():
     description = load(GOOD.replace("Somebody", "Schm\u00fcller").encode("latin-1"))
     assert description.vendor_name == "Schm\u00fcller"

@@ -9,6 +9,7 @@ import pytest
 from msgspec import structs
 
 from armload_identification.calibration.calibration_result import DETERMINED_WITHIN
+from armload_identification.estimation.arm_terms import GAIN
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain
 from armload_identification.recording.reading_options import Effort
@@ -72,6 +73,17 @@ def chosen(calibration):
         nominal=np.full(n, 10.0),
         covariance=np.diag(deviation**2),
         drift=np.array([[0.3] * n, [0.4] * n, [0.1] * n]),
+    )
+
+
+def test_a_known_arm_is_held_a_hundred_times_as_firmly_as_its_errors(chosen):
+    """With correlated errors; only the gains' are of opposite sign."""
+    root = np.diag(np.sqrt(np.diag(chosen.covariance))) @ np.tri(len(chosen.covariance))
+    known = replace(chosen, covariance=root @ root.T).known_arm.known
+    turn = np.ones(len(root))
+    turn[chosen.place(GAIN)] = -1.0
+    np.testing.assert_allclose(
+        known.precision @ (turn[:, None] * (root @ root.T) * turn), 1e4 * np.eye(len(root)), atol=1e-3
     )
 
 
