@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import norm
 
 from armload_controller.control_errors import ExportError
-from armload_controller.export.thresholds import export_thresholds
+from armload_controller.export.thresholds import _greatest, export_thresholds
 from armload_identification.model.payload import InertialParameters
 from armload_identification.model.regressor import payload_torque
 from armload_identification.signals.signal_constants import RowMean
@@ -81,3 +81,12 @@ def test_an_abrupt_stop_is_a_fifth_of_the_inertial_torque_at_the_acceleration_li
     ]
     inertia = (torque[0] - torque[1])[0, 0] + links.rotor_mass_kg_m2[0, 0]
     assert once[0] >= 0.2 * inertia * limits.acceleration_max_rad_s2[0] - 1e-6
+
+
+def test_inertia_does_not_depend_on_gravity(calibrated):
+    weightless = replace(calibrated, chain=calibrated.chain.under(np.zeros(3)))
+    holding, inertia = _greatest(calibrated)
+    assert (holding[1:] > 0.1).all()
+    nothing, same = _greatest(weightless)
+    np.testing.assert_allclose(nothing, 0.0, atol=1e-9)
+    np.testing.assert_allclose(inertia, same)

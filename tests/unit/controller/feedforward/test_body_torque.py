@@ -51,6 +51,10 @@ def true_body():
 BODY = true_body()
 
 
+def test_half_of_the_coulomb_friction_holds_a_joint():
+    np.testing.assert_allclose(held_torque(BODY), 0.5 * BODY.coulomb_nm)
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_payload_and_arm_together_are_the_bodys_torque_without_its_offset(seed):
     q, dq, ddq, payload_nm = np.random.default_rng(seed).normal(size=(4, 6))

@@ -54,3 +54,11 @@ def test_a_node_that_is_no_drive_is_no_stranger(arm_settings, device_type):
 def test_a_drive_that_nobody_named_is_a_stranger(arm_settings, answers):
     with pytest.raises(WrongDevice, match=r"node 9\).*a CiA 402 drive that the configuration does not name"):
         require_no_strangers(BusLink(Answering({9: answers})), arm_settings(), 0.01)
+
+
+def test_a_node_id_of_the_arm_belongs_to_one_drive(arm_settings):
+    arm = arm_settings()
+    node_id = arm.drives[0].node_id
+    require_no_strangers(BusLink(Answering({node_id: [SERVO]})), arm, 0.01)
+    with pytest.raises(WrongDevice, match=f"two drives have node id {node_id}"):
+        require_no_strangers(BusLink(Answering({node_id: [SERVO, SERVO]})), arm, 0.01)

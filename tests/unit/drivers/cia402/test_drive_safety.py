@@ -192,3 +192,13 @@ def test_a_quick_stop_that_leaves_the_axis_to_its_brake_needs_one(arm_settings):
 def test_a_rated_current_may_differ_by_a_hundredth(arm_settings, reported, close):
     (way,) = [way for way in Safety.TORQUE_LIMIT.ways if 0x6073 in {setting.entry.index for setting in way.settings}]
     assert (way.condition(arm_settings(rated_current_a=5.0).drives[0], reported) == "") is close
+
+
+def test_a_drive_that_keeps_to_the_joints_limits_is_given_both(arm_settings):
+    arm = arm_settings()
+    values = SafetyValues(arm.drives[1], arm, ArmUnits(arm), None)
+    (way,) = [way for way in Safety.POSITION_LIMITS.ways if not way.by_vendor]
+    written = {setting.entry: setting.wanted(values) for setting in way.settings}
+    low, high = ArmUnits(arm).position_limits_counts(1)
+    assert written == {od.POSITION_LIMIT_MIN: low, od.POSITION_LIMIT_MAX: high}
+    assert low < high

@@ -87,6 +87,12 @@ def test_a_known_arm_is_held_a_hundred_times_as_firmly_as_its_errors(chosen):
     )
 
 
+def test_load_dependent_friction_of_a_cold_arm_differs_by_a_fifth(chosen):
+    body = replace(chosen.body, load_friction=np.linspace(-0.02, 0.1, chosen.n))
+    known = replace(chosen, body=body).known_arm
+    np.testing.assert_allclose(known.load_friction_spread, 0.2 * np.abs(body.load_friction))
+
+
 def test_friction_is_that_at_half_the_greatest_speed(chosen):
     """0.25 rad/s: 4 + 3 * 0.25 + 2 * 0.5."""
     np.testing.assert_allclose(chosen.middle_speed_rad_s, 0.25)

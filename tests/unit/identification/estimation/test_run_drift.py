@@ -46,6 +46,14 @@ def test_torque_of_the_loaded_run_times_a_factor_is_found_as_the_gains_inverse(p
     assert nominal.heard
 
 
+def test_a_drift_is_heard_only_if_the_joints_fit_about_as_well_as_in_the_calibration(pair, known):
+    chain, transmission, arm = known
+    signal = load_signal(*(Run.of(run, transmission) for run in pair))
+    posterior = solve(pair_problem(signal, chain, transmission.coupling, arm).problem)
+    for factor, heard in ((1e-3, False), (1.0, True), (1e3, True)):
+        assert RunDrift.of(posterior, replace(arm, noise_nm=factor * arm.noise_nm)).heard is heard
+
+
 def test_gears_that_turn_more_heavily_as_a_whole_are_less_of_a_drift_beside_a_factor_on_friction(
     pair, known, pinocchio_arm, monkeypatch
 ):

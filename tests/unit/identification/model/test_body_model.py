@@ -53,6 +53,12 @@ def test_noise_may_leave_an_identified_friction_below_zero():
     np.testing.assert_array_equal(replace(BODY, coulomb_nm=THREE - 0.1).coulomb_nm, THREE - 0.1)
 
 
+def test_friction_without_load_is_that_of_its_three_laws():
+    size = np.array([1.0, 2.0, 4.0])
+    body = replace(BODY, coulomb_nm=size, root_nm=2.0 * size, viscous_nm_s_rad=3.0 * size)
+    np.testing.assert_allclose(body.unloaded_friction(np.full(3, 0.25)), (1.0 + 2.0 * 0.5 + 3.0 * 0.25) * size)
+
+
 def test_a_payload_adds_its_torque_and_the_friction_that_it_causes(any_arm):
     """Coulomb friction and friction by load oppose the motion; a payload that relieves a joint takes friction away."""
     rng = np.random.default_rng(4)

@@ -110,13 +110,13 @@ def test_limits_are_three_deviations_of_a_run_and_of_the_calibration():
     np.testing.assert_allclose(found.limit, 3.0 * np.hypot(found.deviation, doubt))
 
 
-@pytest.mark.parametrize("noise", [0.1, 0.5, 1.0])
-def test_the_spread_is_what_runs_differ_beyond_their_noise_and_five_runs_of_what_was_expected(noise):
+@pytest.mark.parametrize(("noise", "usual"), [(0.1, 1.0), (0.5, 0.3), (1.0, 1.0)])
+def test_the_spread_is_what_runs_differ_beyond_their_noise_and_five_runs_of_what_was_expected(noise, usual):
     """Runs that alternate by 1.2, of 11 differences; 0.6 is the deviation that they show with their noise."""
     values = np.where(np.arange(12) % 2, 0.6, -0.6)
-    found = control_chart(values, np.full(12, noise), np.zeros(12), 1.0, CHARTS)
+    found = control_chart(values, np.full(12, noise), np.zeros(12), usual, CHARTS)
     seen = max(2.0 * 0.6**2 - noise**2, 0.0)
-    assert spread(found, noise) == pytest.approx(np.sqrt((5.0 + 11.0 * seen) / 16.0))
+    assert spread(found, noise) == pytest.approx(np.sqrt((5.0 * usual**2 + 11.0 * seen) / 16.0))
 
 
 def test_a_level_is_the_weighted_mean_of_its_runs_and_as_uncertain():
