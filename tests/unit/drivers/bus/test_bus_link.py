@@ -150,6 +150,10 @@ def test_a_condition_that_becomes_true_without_a_frame_is_seen_at_the_end_of_the
     assert BusLink(FailingBus()).pump_until(lambda: answers.pop(0), 0.01)
 
 
+def test_a_condition_that_holds_needs_no_frame():
+    assert BusLink(FailingBus()).pump_until(lambda: True, 0.0)
+
+
 @pytest.mark.parametrize(("errors", "sent"), [(50, 1), (51, 0)])
 def test_a_full_queue_is_tried_fifty_times_for_a_millisecond_each(errors, sent):
     bus = FailingBus(errors=[queue_full()] * errors)

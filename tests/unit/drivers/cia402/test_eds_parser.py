@@ -207,6 +207,14 @@ def test_a_sub_index_is_hexadecimal():
     assert 0x14001A in description.objects
 
 
+@pytest.mark.parametrize(("kind", "value", "text"), [(8, "0.5", ""), (9, "Somebody's servo", "Somebody's servo")])
+def test_reals_and_texts_are_no_integers(kind, value, text):
+    description = load(GOOD + f"\n[2000]\nParameterName=a\nDataType={kind}\nAccessType=ro\nDefaultValue={value}\n")
+    assert not any("DefaultValue" in warning for warning in description.warnings)
+    assert description.objects[0x200000].value is None
+    assert description.objects[0x200000].text == text
+
+
 def test_bytes_that_are_no_utf8_are_reported():
     description = load(GOOD.replace("Somebody", "Schm\u00fcller").encode("latin-1"))
     assert description.vendor_name == "Schm\u00fcller"

@@ -122,6 +122,8 @@ def test_torques_without_their_signs_are_named(gate, run):
     gate(replace(run, current_a=np.abs(run.current_a)), refused="no joint's .* absolute values were recorded")
     above_zero = run.current_a - run.current_a.min(axis=0)
     gate(replace(run, current_a=above_zero + 0.02 * above_zero.max(axis=0)))
+    small = 0.05 * above_zero / above_zero.max(axis=0)
+    gate(replace(run, current_a=small + 0.02 * 0.05))
 
 
 @pytest.mark.parametrize(("joints", "refused"), [(6, True), (5, False)])
