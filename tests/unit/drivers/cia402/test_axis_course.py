@@ -1,6 +1,7 @@
 """An axis that leaves its predicted course, and what must not be taken for it."""
 
 import math
+from itertools import product
 
 import numpy as np
 import pytest
@@ -148,16 +149,17 @@ def test_a_slow_motion_against_the_setpoints():
     assert 2.0 * targets[found] == pytest.approx(0.2 * WINDOW, abs=2e-3)
 
 
-def test_in_a_stop_an_axis_may_take_its_time_but_must_slow_down():
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_in_a_stop_an_axis_may_take_its_time_but_must_slow_down(way):
     fast = 1.8
     for deceleration, lost in ((2.0, False), (0.0, True)):
         made = course()
-        targets = fast * CYCLE_S * np.arange(100)
+        targets = way * fast * CYCLE_S * np.arange(100)
         assert follow(made, targets, lagging(targets))[0] is None
         made.slow_down()
         t = CYCLE_S * np.arange(1, 400)
         braking_s = np.minimum(t, fast / deceleration) if deceleration else t
-        positions = lagging(targets)[-1] + fast * braking_s - 0.5 * deceleration * braking_s**2
+        positions = lagging(targets)[-1] + way * (fast * braking_s - 0.5 * deceleration * braking_s**2)
         found, why = follow(made, np.full(399, targets[-1]), positions)
         assert (found is not None) is lost
         if lost:
@@ -166,13 +168,13 @@ def test_in_a_stop_an_axis_may_take_its_time_but_must_slow_down():
 
 
 def test_in_a_stop_an_axis_must_not_turn_back_nor_run_away():
-    for speed in (-0.9, 2.6):
+    for way, speed in product((1.0, -1.0), (-0.9, 2.6)):
         made = course()
-        targets = 1.8 * CYCLE_S * np.arange(100)
+        targets = way * 1.8 * CYCLE_S * np.arange(100)
         follow(made, targets, lagging(targets))
         made.slow_down()
         here = lagging(targets)[-1]
-        assert follow(made, [0.0], [here + speed * CYCLE_S])[0] == 0
+        assert follow(made, [0.0], [here + way * speed * CYCLE_S])[0] == 0
 
 
 def test_a_suspect_axis_that_stands_is_lost_and_one_that_moves_or_has_no_setpoints_is_not():
@@ -213,9 +215,10 @@ def test_the_error_says_what_an_axis_without_a_brake_does(arm_settings):
     assert "has no brake (has_brake) and falls" in str(loop_lost(bare, "quick stop", "why"))
 
 
-def test_a_stop_begins_as_late_as_a_loop_may_lag():
+@pytest.mark.parametrize("speed", [1.0, -1.0])
+def test_a_stop_begins_as_late_as_a_loop_may_lag(speed):
     """At constant speed the axis is off its course when the ramp has fallen by the margin, and not before."""
-    made, speed = course(), 1.0
+    made = course()
     targets = speed * CYCLE_S * np.arange(100)
     assert follow(made, targets, targets)[0] is None
     made.slow_down()

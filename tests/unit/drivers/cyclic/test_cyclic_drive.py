@@ -137,6 +137,8 @@ def test_a_position_read_by_sdo_may_differ_by_as_much_more_as_it_is_old(drive):
     assert drive.course.taken()[1][3:] == pytest.approx((0.04, 0.045))
     drive.take_position(STILL, begun_s + 0.081, begun_s + 0.082)
     assert drive.still_for(1), "less than a cycle counts as a whole one"
+    drive.take_position(STILL, begun_s + 0.085, begun_s + 0.086)
+    assert drive.still_for(2)
 
 
 def test_an_axis_without_torque_is_not_judged(drive):
