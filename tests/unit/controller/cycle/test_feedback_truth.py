@@ -26,13 +26,13 @@ SPEED = np.full(N, 0.1)
 WORD = 0x1637
 
 
-def run(change=lambda cycle, feedback: feedback, cycles=300, first_word=WORD, speed=SPEED):
+def run(change=lambda cycle, feedback: feedback, cycles=300, first_word=WORD, speed=SPEED, start_rad=0.0):
     """Feed the monitor with an arm at constant speed; `change` modifies the feedback of each cycle."""
     truth = feedback_truth(ROBOT, CYCLE_S)
     ones, none = np.ones(N), np.zeros(N, dtype=bool)
     sent = None
     for cycle in range(cycles):
-        position = speed * CYCLE_S * cycle
+        position = start_rad + speed * CYCLE_S * cycle
         words = np.full(N, first_word if cycle == 0 else WORD, dtype=np.uint16)
         true = JointFeedback(cycle, cycle * CYCLE_S, position, None, ones, None, words, none)
         truth.on_cycle(CycleStep(change(cycle, true), sent, None, None, None, None))
@@ -116,7 +116,7 @@ def test_no_current_at_standstill_is_nothing_and_in_motion_a_lie():
     def idle(cycle, feedback):
         return feedback._replace(current_a=np.zeros(N))
 
-    run(idle, speed=np.zeros(N))
+    run(idle, speed=np.zeros(N), start_rad=1.0)
     with pytest.raises(TorqueMissing, match="exactly zero"):
         run(idle, 1000)
 

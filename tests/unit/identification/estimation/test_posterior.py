@@ -113,6 +113,16 @@ def test_the_covariance_of_independent_rows(found, dense):
     assert not found.covariance[exact].any()
 
 
+def test_the_part_of_it_that_is_of_the_priors_alone(found, dense):
+    """Priors of all unknowns, also of the runs' own: H^-1 P H^-1."""
+    s = dense.shared.size
+    covariance = dense.solve(dense.precision[:, None] * dense.covariance)[:s, :s]
+    deviation = np.sqrt(np.diag(dense.covariance)[:s])
+    close(found._by_priors, covariance, np.outer(deviation, deviation), 1e-6)
+    own = dense.solve(np.where(np.arange(dense.at.size) < s, 0.0, dense.precision)[:, None] * dense.covariance)[:s, :s]
+    assert np.abs(own / np.outer(deviation, deviation)).max() > 1e-3
+
+
 def test_combinations_of_shared_and_own_unknowns(found, dense):
     s, own = dense.shared.size, found.problem.own_size
     rng = np.random.default_rng(1)
