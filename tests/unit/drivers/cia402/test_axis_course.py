@@ -141,12 +141,13 @@ def test_holding_a_load_at_the_torque_limit_is_no_fault():
     assert follow(weaker, 0.02 * CYCLE_S * np.arange(200), np.zeros(200), 10**6)[0] is None
 
 
-def test_a_slow_motion_against_the_setpoints():
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_slow_motion_against_the_setpoints(way):
     """Within the margin of speeds; a reported direction that is wrong while the drive follows the right one."""
-    targets = 0.15 * CYCLE_S * np.arange(300)
+    targets = way * 0.15 * CYCLE_S * np.arange(300)
     found, why = follow(course(), targets, -targets)
     assert "against its setpoints" in why
-    assert 2.0 * targets[found] == pytest.approx(0.2 * WINDOW, abs=2e-3)
+    assert 2.0 * way * targets[found] == pytest.approx(0.2 * WINDOW, abs=2e-3)
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
