@@ -209,9 +209,10 @@ def _recorded(
 ) -> Recording:
     """A run with noise and gain errors, and with its own friction."""
     if name == PANDA:
-        loaded, unloaded = _panda(role, payload, friction).pair(int(rng.integers(2**31)), error, with_phase=True)
+        panda = _panda(role, payload, friction)
+        loaded, unloaded = panda.pair(int(rng.integers(2**31)), error, with_phase=True)
         run = unloaded if payload is None else loaded
-        speed = sagging_panda.excitation(1 + ROLES.index(role)).evaluate(run.time_s).velocity_rad_s
+        speed = panda.motion.evaluate(run.time_s).velocity_rad_s
         gears = Gears(sagging_panda.COULOMB_NM, sagging_panda.VISCOUS_NM_S_RAD)
         changed = gears.changed_nm(speed, 0.0, rng) / (1.0 + error)
         return replace(run, current_a=np.asarray(run.current_a) + changed)

@@ -80,22 +80,17 @@ CASES = (
 )
 
 
-def _gears(case: Case) -> Gears:
-    """The gears of a case."""
+def _drawn(case: Case, setup: Setup) -> tuple[Gears, FloatArray]:
+    """The gears of a case, and (n, n) covariance of the logarithms of the gains' errors."""
     joints = load_robot(case.robot).simulation.plant_spec(None).joints
+    covariance = np.zeros((setup.chain.n, setup.chain.n))
+    if case.nominal:
+        uneven = gear_asymmetry(np.array([joint.load_friction for joint in joints]))
+        covariance = setup.transmission.gains(from_torque=setup.scales.feedback is EffortFeedback.TORQUE).covariance
+        covariance = covariance + np.diag(uneven**2) + np.outer(uneven, uneven)
     if case.twin is Twin.CLEAN:
         joints = tuple(replace(joint, coulomb_nm=0.0, viscous_nm_s_rad=0.0) for joint in joints)
-    return Gears.of(joints)
-
-
-def _gain_covariance(case: Case, setup: Setup) -> FloatArray:
-    """(n, n) of the logarithms of the gains' errors."""
-    if not case.nominal:
-        return np.zeros((setup.chain.n, setup.chain.n))
-    joints = load_robot(case.robot).simulation.plant_spec(None).joints
-    uneven = gear_asymmetry(np.array([joint.load_friction for joint in joints]))
-    covariance = setup.transmission.gains(from_torque=setup.scales.feedback is EffortFeedback.TORQUE).covariance
-    return np.asarray(covariance + np.diag(uneven**2) + np.outer(uneven, uneven))
+    return Gears.of(joints), covariance
 
 
 def run(tally: Tally, pool: Executor, seeds: int = SEEDS) -> None:
@@ -139,7 +134,7 @@ def _made(pool: Executor, case: Case, seeds: int) -> FloatArray:
         for what, body in (("gripper", GRIPPER), ("with part", both))
     )
     starts = range(0, seeds, SEEDS_PER_TASK)
-    drawn = _gears(case), _gain_covariance(case, setups[0])
+    drawn = _drawn(case, setups[0])
     tasks = [pool.submit(_some, setups, *drawn, range(start, min(start + SEEDS_PER_TASK, seeds))) for start in starts]
     made: list[FloatArray] = []
     with progress_line("workpieces", seeds) as progress:

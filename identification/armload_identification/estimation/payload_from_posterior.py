@@ -20,6 +20,7 @@ from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.estimation.estimation_constants import Payloads, Solver
 from armload_identification.estimation.payload_intervals import NORMAL_HALF_WIDTH
 from armload_identification.estimation.payload_problem import PayloadProblem
+from armload_identification.estimation.physical_consistency import root_of
 from armload_identification.estimation.posterior import Posterior
 from armload_identification.estimation.prior_knowledge import Prior
 from armload_identification.estimation.sampled_torque import sampling_doubt
@@ -135,9 +136,7 @@ class PayloadEstimate:
     @cached_property
     def root(self) -> FloatArray:
         """(10, 10) R with ||R (theta - estimate)||^2 the additional cost of another theta."""
-        size = np.sqrt(np.diag(self._covariance_if_independent))
-        lower = np.linalg.cholesky(self._covariance_if_independent / np.outer(size, size))
-        return np.asarray(np.linalg.solve(lower, np.diag(1.0 / size)))
+        return root_of(self._covariance_if_independent)
 
     @property
     def condition_number(self) -> float:

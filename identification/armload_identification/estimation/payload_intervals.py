@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_identification.estimation.physical_consistency import possible_spread
+from armload_identification.estimation.physical_consistency import possible_spread, root_of
 from armload_identification.float_array import FloatArray
 from armload_identification.model.payload import (
     CONFIDENCE,
@@ -101,14 +101,13 @@ def _share_of_possible(found: PayloadEstimate, parameters: InertialParameters) -
     if found.rank < found.theta.size:
         return np.ones(len(found.theta))
     values, slope = derived(parameters)
-    size = np.sqrt(np.diag(found.covariance))
-    apart = (parameters.theta - found.theta) / size
-    squared = float(apart @ np.linalg.solve(found.covariance / np.outer(size, size), apart))
-    doubt = max(1.0, squared / NORMAL_HALF_WIDTH**2)
     try:
-        mean, covariance = possible_spread(found.theta, doubt * found.covariance)
+        root = root_of(found.covariance)
+        apart = float(np.linalg.norm(root @ (parameters.theta - found.theta)))
+        doubt = max(1.0, apart / NORMAL_HALF_WIDTH)
+        mean, covariance = possible_spread(InertialParameters(found.theta), root / doubt)
     except np.linalg.LinAlgError:  # not seen: 0 of 3,000 random bodies and covariances
         return np.ones(len(found.theta))
-    away = derived(InertialParameters(mean))[0] - values
+    away = mean.values - values
     free, kept = (np.sum((slope @ of) * slope, axis=1) for of in (found.covariance, covariance))
     return np.asarray(np.minimum(np.sqrt((kept + away**2) / free), 1.0))

@@ -101,34 +101,37 @@ def nearest_possible(plain: InertialParameters, root: FloatArray) -> InertialPar
     return InertialParameters(project(root, root @ plain.theta, _interior(plain)))
 
 
-def possible_spread(plain: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+def root_of(covariance: FloatArray) -> FloatArray:
+    """(k, k) R with ||R error||^2 the squared size of an error, in standard deviations of a (k, k) covariance."""
+    size = np.sqrt(np.diag(covariance))
+    lower = np.linalg.cholesky(covariance / np.outer(size, size))
+    return np.asarray(np.linalg.solve(lower, np.diag(1.0 / size)))
+
+
+def possible_spread(plain: InertialParameters, root: FloatArray) -> tuple[InertialParameters, FloatArray]:
     """Mean and covariance of the possible bodies among those that an estimate's errors allow.
 
     The normal distribution that ends where bodies become impossible, by Laplace's method with a barrier for that end.
 
     Args:
-        plain: (10,) the estimate, possible or not, with a mass above 0.
-        covariance: (10, 10), of full rank.
+        plain: The estimate, possible or not, with a mass above 0.
+        root: (10, 10) of the covariance of its errors (`root_of`).
 
     Returns:
-        (10,) and (10, 10); the covariance is at most the given one.
+        The mean, and (10, 10) its covariance, at most that of the errors.
 
     Raises:
-        LinAlgError: the covariance is too nearly singular.
+        LinAlgError: the search did not settle.
     """
-    size = np.sqrt(np.diag(covariance))
-    root = np.linalg.solve(np.linalg.cholesky(covariance / np.outer(size, size)), np.diag(1.0 / size))
-    distance = _Distance.of(root, root @ plain, 0.0)
-    x = _interior(InertialParameters(plain)) / distance.scale
-    last = 0.5 / BARRIER
-    sharpness = last * _BARRIER_GROWTH ** -np.ceil(np.log(1.0 + distance.squared(x)) / np.log(_BARRIER_GROWTH))
-    while sharpness < last:
-        x, sharpness = distance.nearest(x, sharpness), sharpness * _BARRIER_GROWTH
-    x = distance.nearest(x, last)
-    inverse = np.linalg.inv(np.linalg.cholesky(np.tensordot(x, distance.constraint, 1)))
-    curved = (inverse @ distance.constraint @ inverse.T).reshape(len(x), -1)
-    spread = np.linalg.inv(BARRIER * (last * distance.hessian + curved @ curved.T))
-    return x * distance.scale, spread * np.outer(distance.scale, distance.scale)
+    distance = _Distance.of(root, root @ plain.theta, 0.0)
+    x = _interior(plain) / distance.scale
+    sharp = 0.5 / BARRIER
+    stages = int(np.ceil(np.log(1.0 + distance.squared(x)) / np.log(_BARRIER_GROWTH)))
+    for left in range(stages, -1, -1):
+        x = distance.nearest(x, sharp * _BARRIER_GROWTH**-left)
+    curved = _whitened(x, distance.constraint).reshape(len(x), -1)
+    spread = np.linalg.inv(BARRIER * (sharp * distance.hessian + curved @ curved.T))
+    return InertialParameters(x * distance.scale), spread * np.outer(distance.scale, distance.scale)
 
 
 def project(rows: FloatArray, target: FloatArray, start: FloatArray) -> FloatArray:
@@ -226,10 +229,8 @@ def inside_barrier(
     """
 
     def derivatives(x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Gradient, and (b, 10, 4, 4) L^-1 G_k L^-T per parameter with G = L L^T."""
-        bodies = np.tensordot(x.reshape(-1, len(constraint)), constraint, 1)
-        inverse = np.linalg.inv(np.linalg.cholesky(bodies))[:, None]
-        whitened = inverse @ constraint @ inverse.swapaxes(-1, -2)
+        """Gradient, and `_whitened`."""
+        whitened = _whitened(x, constraint)
         return slope(x) - np.trace(whitened, axis1=-2, axis2=-1).ravel(), whitened
 
     gradient, whitened = derivatives(x)
@@ -259,6 +260,13 @@ def inside_barrier(
     if decrement > _NEAR_MINIMUM:
         raise np.linalg.LinAlgError(f"no minimum within {_NEWTON_STEPS} steps")
     return x
+
+
+def _whitened(x: FloatArray, constraint: FloatArray) -> FloatArray:
+    """(b, 10, 4, 4) L^-1 G_k L^-T per parameter of b bodies x (10 b,), with G = L L^T."""
+    bodies = np.tensordot(x.reshape(-1, len(constraint)), constraint, 1)
+    inverse = np.linalg.inv(np.linalg.cholesky(bodies))[:, None]
+    return np.asarray(inverse @ constraint @ inverse.swapaxes(-1, -2))
 
 
 def _ball(plain: InertialParameters, spread: float = 1.0) -> InertialParameters:

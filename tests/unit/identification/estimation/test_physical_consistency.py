@@ -5,7 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from armload_identification.estimation.physical_consistency import WRITTEN_MARGIN, make_physical
+from armload_identification.estimation.physical_consistency import (
+    WRITTEN_MARGIN,
+    make_physical,
+    possible_spread,
+    root_of,
+)
 from armload_identification.identification_errors import EstimationError
 from armload_identification.model.payload import SMALLEST_MARGIN, InertialParameters
 from tests.payload_rows import exactly, payload_of
@@ -154,3 +159,33 @@ def test_no_body_is_near_a_negative_mass():
     theta[0] = -1.0
     with pytest.raises(EstimationError, match="exchanged"):
         make_physical(fit_of(theta, np.random.default_rng(6)))
+
+
+PLATE = InertialParameters.from_center_of_mass(2.0, [0.05, 0.0, 0.1], np.diag([0.010, 0.015, 0.02499]))
+BLOCK = InertialParameters.from_center_of_mass(2.0, [0.05, 0.0, 0.1], np.diag([0.02, 0.02, 0.02]))
+
+
+def errors_of(seed):
+    """(10, 10) covariance of a tenth of a kilogram, 10 mm, and 0.004 kg m2, correlated at random."""
+    size = np.array([0.1, *[0.02] * 3, *[0.2 * 0.02] * 6])
+    turn = np.random.default_rng(seed).normal(size=(10, 30)) / np.sqrt(30.0)
+    return turn @ turn.T * np.outer(size, size)
+
+
+@pytest.mark.parametrize(("body", "seed"), [(body, seed) for body in (PLATE, BLOCK) for seed in range(3)])
+def test_the_spread_of_possible_bodies_is_that_of_samples(body, seed):
+    """Errors of the normal distribution, without those that leave no possible body."""
+    covariance = errors_of(seed)
+    rng = np.random.default_rng(seed)
+    plain = rng.multivariate_normal(body.theta, covariance)
+    drawn = rng.multivariate_normal(plain, covariance, 40_000)
+    bodies = np.tensordot(drawn, UNIT_BODIES, 1)
+    kept = drawn[np.linalg.eigvalsh(bodies)[:, 0] > 0.0]
+    assert len(kept) > 400
+    mean, spread = possible_spread(InertialParameters(plain), root_of(covariance))
+    size = np.sqrt(np.diag(covariance))
+    np.testing.assert_array_less(np.abs(kept.mean(axis=0) - mean.theta), 0.35 * size)
+    longer = np.sqrt(np.diag(spread)) / kept.std(axis=0)
+    assert longer.min() > 0.95
+    assert longer.max() < 1.3
+    assert np.linalg.eigvalsh((covariance - spread) / np.outer(size, size))[0] > -1e-9
