@@ -6,7 +6,6 @@ import time
 from concurrent.futures import Executor, Future
 
 from armload_drivers.bring_up.sdo_channel import SdoChannel
-from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.drive_safety import SYNC_MANAGER_WATCHDOG_US
 from armload_drivers.cia402.object_dictionary import Entry
 from armload_drivers.driver_errors import ServoTimeout
@@ -31,7 +30,6 @@ class CoeSdo(SdoChannel):
         self.unanswered = 0
         self._place, self._line, self._worker = node_id - 1, line, worker
         self._asked: Future[bytes] | None = None
-        self._before = od.DEVICE_TYPE
 
     def ask(self, entry: Entry) -> None:
         """Request an object without waiting for the answer; one to an earlier request is not taken any more."""
@@ -40,15 +38,8 @@ class CoeSdo(SdoChannel):
         self._asked = self._worker.submit(self._counted, entry)
 
     def _counted(self, entry: Entry) -> bytes:
-        """Read an object; count requests without an answer.
-
-        SOEM compares only the index of an answer: one that arrives twice, since the frame that fetched it was lost,
-        would be taken for that of the next sub-index. Then another object is read in between.
-        """
-        before, self._before = self._before, entry
+        """Read an object; count requests without an answer."""
         try:
-            if before.index == entry.index and before.subindex != entry.subindex:
-                self._request(od.DEVICE_TYPE, None)
             found = self._request(entry, None)
         except MailboxSilence:
             self.unanswered += 1

@@ -5,8 +5,10 @@ The only file that knows pysoem.
 Rules of this file:
 - Mailboxes are used by one thread at a time, because SOEM has one list of errors for all drives: an error surfaces in
   the next call, whichever drive that concerns. Process data is exchanged beside it, with the interpreter released.
-- SOEM compares the index of an answer, not its sub-index, and a request that was given up may be answered later: the
-  answer to 60C2:2 was taken for that of 60C2:1. After a request without an answer another object is read first.
+- SOEM compares the index of an answer, not its sub-index nor whether it is one to a write; an abort it takes whatever
+  the index. A request that was given up may be answered later, and an answer twice, if the frame that fetched it was
+  lost: a vendor was taken for the product (1018). Another object is read in between, therefore, before a request that
+  such an answer would fit, after one without an answer, after an abort, and first of all.
 - A lost frame costs the whole limit of a wait, so every wait has one. SDO requests are repeated: SOEM does not.
 - Outputs are written with their exact length, which SOEM does not check: a longer one would overwrite the next drive's.
 
@@ -41,6 +43,8 @@ _ANSWER_BYTES = 256
 _MICRO = 1e6
 _DEVICE_TYPE, _IDENTITIES = (0x1000, 0), (0x1018, 0)
 """Objects that every drive has."""
+_Asked = tuple[int, int, bool]
+"""Index and sub-index of a request, and whether it writes."""
 
 
 class LineState(IntEnum):
@@ -116,7 +120,8 @@ class EthercatLine:
         self._lock = Lock()
         self._slaves: list[Any] = []
         self._output_bytes: list[int] = []
-        self._unanswered: dict[int, int] = {}
+        self._before: dict[int, _Asked] = {}
+        self._in_doubt: set[int] = set()
         self.worker = ThreadPoolExecutor(1, thread_name_prefix="mailbox")
         self._errors = tuple(
             getattr(self._soem, name) for name in ("WkcError", "PacketError", "MailboxError", "SdoInfoError")
@@ -143,8 +148,8 @@ class EthercatLine:
         Returns:
             Their number.
         """
-        self._unanswered.clear()
         self.size = max(self._master.config_init(), 0)
+        self._in_doubt = set(range(self.size))
         self._slaves = list(self._master.slaves) if self.size else []
         if self._slaves:
             self.request(LineState.PREOP)
@@ -180,12 +185,14 @@ class EthercatLine:
             MailboxSilence: it does not answer.
         """
         slave = self._slave(place)
-        return bytes(self._mailbox(place, index, limit_s, lambda: slave.sdo_read(index, subindex, _ANSWER_BYTES)))
+        asked = index, subindex, False
+        return bytes(self._mailbox(place, asked, limit_s, lambda: slave.sdo_read(index, subindex, _ANSWER_BYTES)))
 
     def download(self, place: int, index: int, subindex: int, data: bytes, limit_s: float) -> None:
         """Write an object. Arguments and errors as `upload`."""
         slave = self._slave(place)
-        self._mailbox(place, index, limit_s, lambda: slave.sdo_write(index, subindex, data))
+        asked = index, subindex, True
+        self._mailbox(place, asked, limit_s, lambda: slave.sdo_write(index, subindex, data))
 
     def poll_mailbox(self, place: int) -> None:
         """Look into the mailbox of a drive: emergency messages wait there until they are read."""
@@ -195,27 +202,33 @@ class EthercatLine:
             except self._errors:
                 return
 
-    def _mailbox(self, place: int, index: int, limit_s: float, request: Callable[[], Any]) -> Any:
+    def _mailbox(self, place: int, asked: _Asked, limit_s: float, request: Callable[[], Any]) -> Any:
         """Make a request; repeat it within its limit if a frame was lost, as 5 of 300 are at 2 % of lost frames."""
         begun_s, why, slave = time.monotonic(), "", self._slave(place)
         with self._lock:
+            before, self._before[place] = self._before.get(place, asked), asked
+            if before[0] == asked[0] and before != asked:
+                self._in_doubt.add(place)
+            other = _DEVICE_TYPE if asked[0] != _DEVICE_TYPE[0] else _IDENTITIES
             while (left_s := begun_s + limit_s - time.monotonic()) > 0.0:
                 self._master.sdo_read_timeout = self._master.sdo_write_timeout = int(_MICRO * left_s)
-                unanswered = self._unanswered.get(place)
                 try:
-                    if unanswered is not None:
-                        slave.sdo_read(*(_DEVICE_TYPE if unanswered != _DEVICE_TYPE[0] else _IDENTITIES))
-                        del self._unanswered[place]
+                    if place in self._in_doubt:
+                        slave.sdo_read(*other)
+                        self._in_doubt.remove(place)
                     return request()
                 except self._soem.SdoError as error:
-                    raise MailboxAbort(error.abort_code & 0xFFFF_FFFF, error.desc) from error
+                    if place not in self._in_doubt:
+                        self._in_doubt.add(place)
+                        raise MailboxAbort(error.abort_code & 0xFFFF_FFFF, error.desc) from error
+                    why = f"0x{other[0]:04X} was refused"
                 except self._soem.Emergency:  # one that waited; its drive has a function for it, or is not of the arm
                     why = "only an emergency message arrived"
                 except self._errors as error:
                     why = str(error) or type(error).__name__
                 except AssertionError:  # the error of another drive surfaced: see above
                     why = "an error of another drive"
-                self._unanswered.setdefault(place, index)
+                self._in_doubt.add(place)
         raise MailboxSilence(why or f"no answer within {limit_s:g} s")
 
     # Registers and states ------------------------------------------------------------------------------------

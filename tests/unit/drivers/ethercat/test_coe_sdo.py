@@ -74,16 +74,6 @@ def test_requests_that_nobody_waits_for_do_not_queue_up(sdo, line, worker):
     assert line.requests == [od.DEVICE_TYPE.index, od.ERROR_CODE.index]
 
 
-def test_two_sub_indices_of_an_object_are_not_asked_for_in_a_row(sdo, line, worker):
-    """The exponent of 60C2, received twice, was compared with its value when one frame in five was lost."""
-    line.may_answer.set()
-    for entry in (od.INTERPOLATION_EXPONENT, od.INTERPOLATION_TIME, od.ERROR_CODE, od.ERROR_CODE):
-        sdo.ask(entry)
-        finish(worker)
-    index = od.INTERPOLATION_TIME.index
-    assert line.requests == [index, od.DEVICE_TYPE.index, index, od.ERROR_CODE.index, od.ERROR_CODE.index]
-
-
 def test_requests_without_an_answer_are_counted_until_one_is_answered(sdo, line, worker):
     line.may_answer.set()
     for trouble, count in (
