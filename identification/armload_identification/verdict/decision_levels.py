@@ -465,8 +465,9 @@ class Magnitudes:
     low_scale: Final = 0.8
     """[1] Torque of the most loaded joint, relative to the links' weight, below which an unloaded run gets a note.
 
-    Origin: right files: 0.96 to 1.18 in 20 runs of prbt, a 7-axis arm and the UR10e with its URDF; lbf ft gives 0.74,
-        RMS for amplitude 0.71.
+    Origin: right files: 0.96 to 1.18 in 20 runs of prbt, a 7-axis arm and the UR10e with its URDF; 0.86 to 1.19 in 32
+        simulated runs of eight arms whose links are up to 15 % lighter or heavier; lbf ft gives 0.74, RMS for
+        amplitude 0.71.
     Factor of two: twice: right runs get the note; half: pound-feet get none.
     """
     high_scale: Final = 1.35

@@ -149,18 +149,22 @@ def _refuse_scale(run: Recording, position: FloatArray, torque: FloatArray, chai
 def _weight_scales(
     position: FloatArray, torque: FloatArray, chain: Chain, arm: ArmMagnitudes
 ) -> Iterator[tuple[int, int, float]]:
-    """Place, joint and scale of torques that are proportional to the links' weight, the most loaded joint first."""
-    if arm.body is None:
+    """Place, joint and scale of torques that are proportional to the links' weight, the most loaded joint first.
+
+    Beside the joint's own Coulomb and viscous friction, which resembles a weight where a run has few reversals.
+    """
+    if arm.body is None or len(position) <= torque.shape[1]:
         return
     still = np.zeros_like(position)
     expected = ArmDynamics(chain, arm.body).torque(np.nan_to_num(position), still, still)
-    swing, measured = expected - expected.mean(axis=0), torque - np.nanmean(torque, axis=0)
-    size = np.sqrt(np.mean(swing**2, axis=0))
+    size, rate = expected.std(axis=0), np.gradient(position, axis=0)
     greatest = np.maximum(np.nan_to_num(arm.torque_max_nm, nan=0.0), size.max())
     visible = size > Magnitudes.weight_share * greatest
     for place, joint in enumerate(np.argsort(-size).tolist()):
-        good = np.isfinite(measured[:, joint])
-        one, other = measured[good, joint], swing[good, joint]
+        friction = np.column_stack([np.sign(rate[:, joint]), rate[:, joint], np.ones(len(rate))])
+        good = np.isfinite(torque[:, joint]) & np.isfinite(friction).all(axis=1)
+        both = np.column_stack([torque[:, joint], expected[:, joint]])[good]
+        one, other = (both - friction[good] @ np.linalg.lstsq(friction[good], both)[0]).T
         along, least = float(one @ other), Correlations.weight if place == 0 else Correlations.same
         if visible[joint] and along > least * float(np.sqrt((one @ one) * (other @ other))):
             yield place, joint, along / float(other @ other)

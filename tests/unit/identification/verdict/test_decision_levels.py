@@ -45,6 +45,7 @@ from armload_identification.verdict.recording_checks.impossible_magnitudes impor
     _refuse_speeds,
     _refuse_strength,
     require_possible_mass,
+    scale_notes,
 )
 from armload_identification.verdict.recording_checks.joint_scales import JointScales
 from armload_identification.verdict.recording_checks.motion_quality import MotionQuality
@@ -356,12 +357,25 @@ def test_a_torque_that_resembles_the_links_weight_has_a_tenth_to_ten_times_its_s
     monkeypatch.setattr(f"{CHECKS}.impossible_magnitudes.ArmDynamics", lambda *_: links)
     position = np.hstack([SWING, SWING])
     torque = position * np.array([8.0, 4.0])
-    other = np.sqrt(1.0 - correlation**2) / correlation * TURNED
+    other = np.sqrt(1.0 - correlation**2) / correlation * 2.0 * SWING * TURNED
     torque[:, [joint]] = scale * (torque[:, [joint]] + [8.0, 4.0][joint] * other)
     given = recorded(position), position, torque, None, magnitudes(torque=np.nan, body=object())
     found = refusal(_refuse_scale, *given)
     assert said in found
     assert bool(said) is bool(found)
+
+
+@pytest.mark.parametrize(("friction_nm", "scale", "said"), [(16.0, 1.0, ""), (16.0, 1.5, "1.5 times"), (0.0, 1.3, "")])
+def test_friction_that_resembles_the_links_weight_is_no_scale(monkeypatch, friction_nm, scale, said):
+    """Three quarters of an oscillation: upward motion is only above its middle."""
+    links = SimpleNamespace(torque=lambda q, *_: 8.0 * q)
+    monkeypatch.setattr(f"{CHECKS}.impossible_magnitudes.ArmDynamics", lambda *_: links)
+    part = TIME_S < 3.0
+    torque = scale * 8.0 * SWING[part] + friction_nm * np.sign(TURNED[part])
+    run = SimpleNamespace(states=SimpleNamespace(position_rad=SWING[part]), torque_nm=torque)
+    notes = list(scale_notes(run, None, magnitudes(torque=np.nan, body=object())))
+    assert bool(notes) is bool(said)
+    assert said in "".join(notes)
 
 
 @pytest.mark.parametrize(("strength", "said"), [(0.9, True), (1.1, False)])
