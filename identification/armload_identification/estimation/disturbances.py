@@ -6,11 +6,11 @@ joint back like a spring, and a force on the flange is a weight without inertia;
 nominal gains the links are fitted to the same zeros, and only the payload shows them. A gear that gives way under the
 load looks like a zero.
 
-Beside all other unknowns the rows say x +- s of each disturbance if it is the only one. What rows and prior leave of
-zeros and tilts is allowed for and not corrected; hoses and forces have no prior that would suit every cell. If any is
-certain, each that alone explains all that is certain is named, and allowed for as a whole; if none does, the most
-certain one is, with a warning. A vertical force is named and not allowed for: what hangs on the flange counts as
-payload.
+Beside all other unknowns, a calibration's errors included, the rows say x +- s of each disturbance if it is the only
+one. What rows and prior leave of zeros and tilts is allowed for and not corrected; hoses and forces have no prior that
+would suit every cell. If any is certain, each that alone explains all that is certain is named, and allowed for as a
+whole; if none does, the most certain one is, with a warning. A vertical force is named and not allowed for: what hangs
+on the flange counts as payload.
 """
 
 from __future__ import annotations
@@ -115,23 +115,26 @@ class Disturbances:
     down: FloatArray
 
     @classmethod
-    def of(cls, found: Posterior, chain: Chain, body: BodyModel) -> Disturbances:
+    def of(cls, found: Posterior, chain: Chain, body: BodyModel, errors: FloatArray | None = None) -> Disturbances:
         """From a solution.
 
         Args:
             found: The solution.
             chain: The arm, with the tilt of its calibration.
             body: The arm's links.
+            errors: (m, p) errors of a calibrated arm, as of `KnownArm`.
         """
-        first = cls._of_solution(found, chain, body)
+        first = cls._of_solution(found, chain, body, errors)
         likely = sorted(first.candidates, key=first.certainty)[: -DisturbanceLimits.tried - 1 : -1]
         if first.certainty(likely[0]) < DisturbanceLimits.suspect:
             return first
         # while it is in the residual, it counts as noise and hides itself: once more without each that may be the one
-        without = [(one, first.without(one, found, chain, body)) for one in likely]
+        without = [(one, first.without(one, found, chain, body, errors)) for one in likely]
         return max(without, key=lambda each: each[1].certainty(each[0]))[1]
 
-    def without(self, one: Candidate, found: Posterior, chain: Chain, body: BodyModel) -> Disturbances:
+    def without(
+        self, one: Candidate, found: Posterior, chain: Chain, body: BodyModel, errors: FloatArray | None
+    ) -> Disturbances:
         """The same by the noise that is left without a disturbance."""
         error, _ = _alone(one, self.gradient, self.information)
         groups = [
@@ -139,12 +142,12 @@ class Disturbances:
             for torque_nm, group in zip(self.torque_nm, found.problem.groups, strict=True)
         ]
         solution = solve(replace(found.problem, groups=groups), rough=True, start=found)
-        rest = self._of_solution(solution, chain, body)
+        rest = self._of_solution(solution, chain, body, errors)
         gradient = rest.gradient + rest.information[:, one.place] @ error
         return replace(rest, torque_nm=self.torque_nm, gradient=gradient)
 
     @classmethod
-    def _of_solution(cls, found: Posterior, chain: Chain, body: BodyModel) -> Disturbances:
+    def _of_solution(cls, found: Posterior, chain: Chain, body: BodyModel, errors: FloatArray | None) -> Disturbances:
         """To first order, with what disturbs in the residual."""
         rows = found.problem.groups[0].runs[0].rows
         spread_rad = np.maximum(rows.position_rad.std(axis=0), _STEP_RAD)
@@ -154,7 +157,7 @@ class Disturbances:
         )
         torque_nm = [np.concatenate(both) for both in zip(of_all, of_one, strict=True)]
         level_nm = np.sqrt(np.mean((rows.effort_nm @ np.linalg.inv(body.coupling)) ** 2, axis=0))
-        return cls(torque_nm, *found.beside(*torque_nm), level_nm, _down(chain))
+        return cls(torque_nm, *found.beside(*torque_nm, errors=errors), level_nm, _down(chain))
 
     @cached_property
     def most_certain(self) -> Disturbance | None:

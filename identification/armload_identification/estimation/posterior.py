@@ -203,18 +203,32 @@ class Posterior:
         held = slice(0, errors.shape[1])
         return np.asarray(errors @ np.linalg.solve(self.bread[held, held], self.bread[held]))
 
-    def beside(self, *torque_nm: FloatArray, first: int = 0) -> tuple[FloatArray, FloatArray]:
+    def beside(
+        self, *torque_nm: FloatArray, first: int = 0, errors: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
         """What the rows say of further unknowns, beside all others, to first order.
 
         Args:
             torque_nm: (k, N, n) axis torque per unit of each, on the first run of one group after the other.
             first: Index of the first of these groups.
+            errors: (m, p) change of the first p shared unknowns, which are held firmly, for one standard deviation of
+                independent errors: they are unknown here, too.
 
         Returns:
             (k,) gradient and (k, k) information: their estimate is the solution, if nothing else is known of them.
         """
         gradient, information, across = self._added(torque_nm, first)
-        return gradient, information - across.T @ solved(self.information, across)
+        information = information - across.T @ solved(self.information, across)
+        if errors is None:
+            return gradient, information
+        unit = np.pad(errors, ((0, 0), (0, self.problem.shared_size - errors.shape[1])))[:, self._free]
+        of_rows = np.sum([part.information for part in self.eliminated], axis=0)
+        seen = of_rows @ unit.T
+        seen_beside = seen - of_rows @ solved(self.information, seen)
+        pull = unit @ np.sum([part.gradient for part in self.eliminated], axis=0)
+        both = across.T @ (unit.T - solved(self.information, seen))
+        shared = np.linalg.solve(np.eye(len(unit)) + unit @ seen_beside, np.column_stack([pull, both.T]))
+        return gradient - both @ shared[:, 0], information - both @ shared[:, 1:]
 
     def _added(self, torque_nm: Sequence[FloatArray], first: int) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(k,) gradient and (k, k) information of `beside`, and (f, k) information across to the shared unknowns."""

@@ -7,6 +7,7 @@ the logarithm of the gains' factor, beside all other unknowns,
 
 The rows say x +- s. Gears that turn more heavily in the loaded run do so as a whole, their losses by the load included:
 a common factor on all friction is estimated beside x, without which 3 % more look like x = -1 % on a simulated prbt.
+So are the errors of a calibration: a drift of both runs by 1 % since then would be up to 1 % of x.
 
 x is allowed for and not corrected, as what no friction law describes looks the same: the UR10e's pairs say -0.1 to
 -0.4 %, where the weighed payload shows none. With nominal gains only a drift that is noted is allowed for; where a
@@ -61,7 +62,8 @@ class RunDrift:
     def _from_posterior(cls, posterior: Posterior, arm: KnownArm | None) -> RunDrift:
         """To first order, beside a common factor on the loaded run's friction."""
         pull, information = posterior.beside(
-            *(np.stack([state.torque[0].predicted_nm, _friction_nm(state, posterior.x)]) for state in posterior.groups)
+            *(np.stack([state.torque[0].predicted_nm, _friction_nm(state, posterior.x)]) for state in posterior.groups),
+            errors=None if arm is None else arm.errors,
         )
         covariance = np.linalg.inv(information + np.diag([0.0, Drift.friction**-2.0]))
         found = -float(covariance[0] @ pull), float(covariance[0, 0]) ** 0.5

@@ -89,7 +89,7 @@ def identify_alone(
     refuse_nothing(plain, regressor, motion.torque_nm, FLOOR_KG, f"{name}: ")
     if mass_kg <= 0.0 or random_kg > DETERMINED_SHARE * mass_kg:
         raise quality.undetermined(name, mass_kg, float(np.hypot(plain.half_width_kg, NORMAL_HALF_WIDTH * FLOOR_KG)))
-    disturbances = Disturbances.of(posterior, problem.layout.chain, arm.body)
+    disturbances = Disturbances.of(posterior, problem.layout.chain, arm.body, arm.errors)
     plain = plain.doubting(*disturbances.doubts())
     plain = replace(plain, shifts=np.vstack([plain.shifts, floor_kg / mass_kg * plain.theta]))
     signal = payload_signal(plain, motion, transmission)

@@ -135,7 +135,8 @@ def _by_difference(
         plain = replace(plain, shifts=np.vstack([plain.shifts, drift.allowed * plain.drifting]))
         if arm is not None:
             plain = plain.doubting(model_doubts(posterior, arm)).doubting(*elastic_torque(posterior, chain, arm.body))
-        disturbances = Disturbances.of(posterior, problem.layout.chain, plain.body(0) if arm is None else arm.body)
+        known = (plain.body(0), None) if arm is None else (arm.body, arm.errors)
+        disturbances = Disturbances.of(posterior, problem.layout.chain, *known)
         plain = plain.doubting(*disturbances.doubts())
         result = completed(plain, fitted, adjusted, added_nm, gains, loaded, unloaded)
         if misfits(result, arm) or disturbances.named:

@@ -10,8 +10,11 @@ import pinocchio as pin
 import pytest
 
 from armload_identification.estimation.disturbances import Disturbances, Disturbed
+from armload_identification.estimation.payload_problem import single_problem
+from armload_identification.estimation.solve import solve
 from armload_identification.pipeline.operator_notes import disturbance_notes
 from armload_identification.pipeline.payload_identification import identify_runs
+from armload_identification.signals.recorded_run import Run
 from tests.unit.conftest import GRAVITY_M_S2
 
 JOINTS = 6
@@ -225,3 +228,30 @@ def test_words_name_each_disturbance_with_its_unit_and_what_to_check():
     assert "8.0, " in note
     (note,) = notes_on(errors({TILT: 0.02}, {TILT: 0.001}))
     assert "the base had tilted by 1.15 +- 0.11 deg since the calibration; the intervals allow for that alone. " in note
+
+
+@pytest.mark.parametrize("factor", [0.99, 1.1])
+def test_a_drift_that_the_calibration_leaves_possible_is_no_disturbance(pair, calibration, pinocchio_arm, factor):
+    """Gains that have drifted together since then look like a joint's zero or a force."""
+    arm, chain = calibration.known_arm, calibration.level(pinocchio_arm.chain)
+    transmission = calibration.transmission(pinocchio_arm.transmission)
+    run = Run.of(replace(pair[0], current_a=factor * pair[0].current_a), transmission)
+    posterior = solve(single_problem(run.over_time, chain, transmission.coupling, arm).problem, rough=True)
+    drift = 0.03 * (np.arange(arm.errors.shape[1]) < chain.n)
+    found = [Disturbances.of(posterior, chain, arm.body, errors) for errors in (None, np.vstack([arm.errors, drift]))]
+    exact, known = (max(map(one.certainty, one.candidates)) for one in found)
+    assert known < 0.6 * exact
+
+
+@pytest.mark.parametrize("runs", [1, 2])
+def test_every_look_at_a_calibrated_arm_knows_its_errors(pair, calibration, pinocchio_arm, monkeypatch, runs):
+    """Also those at what is left without a likely disturbance."""
+    look, seen = Disturbances._of_solution, []
+    monkeypatch.setattr(
+        Disturbances, "_of_solution", staticmethod(lambda *given: seen.append(given[-1]) or look(*given))
+    )
+    given = [turned(run, 3, 1.0) for run in pair[:runs]] + [None] * (2 - runs)
+    chain, transmission = calibration.level(pinocchio_arm.chain), calibration.transmission(pinocchio_arm.transmission)
+    identify_runs(*given, chain, transmission, arm=calibration.known_arm)
+    assert len(seen) > 1
+    assert all(np.array_equal(errors, calibration.known_arm.errors) for errors in seen)

@@ -515,10 +515,10 @@ def drift_of(information, pull, noise=1.0, arm=True):
         groups=[state],
         x=np.zeros(1),
         noise_nm=np.array([[noise]]),
-        beside=lambda *_: (np.array(pull), np.array(information)),
+        beside=lambda *_, errors: (np.array(pull), np.array(information)) if (errors is None) is not arm else None,
     )
     posterior.problem = SimpleNamespace(groups=[])
-    return posterior, SimpleNamespace(noise_nm=np.ones(1)) if arm else None
+    return posterior, SimpleNamespace(noise_nm=np.ones(1), errors=np.ones((1, 1))) if arm else None
 
 
 @pytest.mark.parametrize(

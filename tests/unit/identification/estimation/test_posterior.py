@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import msgspec
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from armload_identification.estimation.arm_terms import (
     DELAY,
     FRICTION_CHANGE,
     GAIN,
+    LINKS,
     LOAD_FRICTION,
     PAYLOAD,
     TILT,
@@ -168,6 +171,35 @@ def test_further_unknowns_are_estimated_beside_all_others(found, dense, groups):
     np.testing.assert_allclose(gradient, columns.T @ dense.target, rtol=1e-9)
     expected = columns.T @ columns - columns.T @ dense.rows @ dense.solve(dense.rows.T @ columns)
     np.testing.assert_allclose(information, expected, rtol=1e-3, atol=1e-3 * np.diag(expected).max())
+
+
+def test_further_unknowns_are_estimated_beside_errors_of_known_ones(found):
+    """The links are held; the same with one more column for each independent error of theirs, of prior 1."""
+    place = found.problem.place(LINKS)
+    deviation = np.sqrt(np.diag(found.bread)[place])
+    terms = [
+        msgspec.structs.replace(term, mean=found.value(LINKS) + 0.1 * deviation, deviation=0.01 * deviation)
+        if term.name == LINKS
+        else term
+        for term in found.problem.terms
+    ]
+    held = solve(replace(found.problem, terms=terms))
+    dense, state = Dense(held), held.groups[0].torque[0]
+    added = np.stack([state.predicted_nm, np.random.default_rng(4).normal(size=state.predicted_nm.shape)])
+    further = [(added[:, :, each.axis] * each.weight).T for each in held.weighted_rows[0]]
+    further += [np.zeros((len(each.target), 2)) for each in held.weighted_rows[1]]
+    errors = np.zeros((3, place.stop))
+    errors[:, place] = np.random.default_rng(5).normal(size=(3, deviation.size)) * deviation
+    of_free = np.pad(errors, ((0, 0), (0, held.problem.shared_size - place.stop)))[:, dense.shared]
+    columns = np.hstack([np.vstack(further), dense.rows[:, : dense.shared.size] @ of_free.T])
+    information = columns.T @ columns - columns.T @ dense.rows @ dense.solve(dense.rows.T @ columns)
+    information[2:, 2:] += np.eye(3)
+    answer = np.linalg.solve(information[2:, 2:], information[2:, :2])
+    expected, gradient = information[:2, :2] - information[:2, 2:] @ answer, columns.T @ dense.target
+    pull, actual = held.beside(added, errors=errors)
+    np.testing.assert_allclose(actual, expected, rtol=1e-3, atol=1e-3 * np.diag(expected).max())
+    np.testing.assert_allclose(pull, gradient[:2] - answer.T @ gradient[2:], rtol=1e-2, atol=0.1)
+    assert actual[0, 0] < 0.99 * information[0, 0]
 
 
 def test_without_a_group_the_others_and_the_priors_remain(found):

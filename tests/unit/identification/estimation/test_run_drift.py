@@ -46,6 +46,24 @@ def test_torque_of_the_loaded_run_times_a_factor_is_found_as_the_gains_inverse(p
     assert nominal.heard
 
 
+def test_a_drift_of_both_runs_since_the_calibration_is_none_between_them(pair, known):
+    """3 % of it: where noise hides the arm's own torque, a sixth is taken for a drift between them if none is known."""
+    chain, transmission, arm = known
+    gains = np.arange(arm.errors.shape[1]) < chain.n
+
+    def between(factor, deviation):
+        rng, runs = np.random.default_rng(1), []
+        for run in pair:
+            noise_a = 0.5 * run.current_a.std(axis=0) * rng.normal(size=run.current_a.shape)
+            runs.append(Run.of(replace(run, current_a=factor * run.current_a + noise_a), transmission))
+        posterior = solve(pair_problem(load_signal(*runs), chain, transmission.coupling, arm).problem)
+        return RunDrift.of(posterior, replace(arm, errors=deviation * gains[None])).log_factor
+
+    unknown, allowed_for = (abs(between(0.97, deviation) - between(1.03, deviation)) for deviation in (1e-6, 0.03))
+    assert unknown > 0.15 * 0.06
+    assert allowed_for < 0.2 * unknown
+
+
 def test_a_drift_is_heard_only_if_the_joints_fit_about_as_well_as_in_the_calibration(pair, known):
     chain, transmission, arm = known
     signal = load_signal(*(Run.of(run, transmission) for run in pair))
