@@ -3,7 +3,9 @@
 It uses none of this project's kinematics or dynamics, so it can serve as their reference.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -33,11 +35,11 @@ class SimulatedRun:
 class PinocchioArm:
     """The named joints, from base to flange; all others are held at zero."""
 
-    def __init__(self, path, joint_names, base, flange):
+    def __init__(self, path: Path, joint_names: Sequence[str], base: str, flange: str) -> None:
         self.model = pin.buildModelFromUrdf(str(path))
         self.joint_names, self.base, self.flange = tuple(joint_names), base, flange
 
-    def configuration(self, q, model=None):
+    def configuration(self, q: np.ndarray, model: pin.Model | None = None) -> np.ndarray:
         """Pinocchio's configuration for joint angles in the order of the names."""
         model = model or self.model
         full = pin.neutral(model)
@@ -53,7 +55,7 @@ class PinocchioArm:
         base, flange = (data.oMf[self.model.getFrameId(link, pin.FrameType.BODY)] for link in (self.base, self.flange))
         return (base.inverse() * flange).homogeneous
 
-    def loaded(self, mass_kg, center_m, inertia_kg_m2):
+    def loaded(self, mass_kg: float, center_m: np.ndarray, inertia_kg_m2: np.ndarray) -> pin.Model:
         """Pinocchio's model with a body on the flange."""
         model = pin.Model(self.model)
         frame = model.frames[model.getFrameId(self.flange, pin.FrameType.BODY)]

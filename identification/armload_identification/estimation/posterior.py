@@ -221,14 +221,14 @@ class Posterior:
         information = information - across.T @ solved(self.information, across)
         if errors is None:
             return gradient, information
+        # The errors are m more unknowns, of variance 1: the same of them, and across to the further ones.
         unit = np.pad(errors, ((0, 0), (0, self.problem.shared_size - errors.shape[1])))[:, self._free]
         of_rows = np.sum([part.information for part in self.eliminated], axis=0)
-        seen = of_rows @ unit.T
-        seen_beside = seen - of_rows @ solved(self.information, seen)
-        pull = unit @ np.sum([part.gradient for part in self.eliminated], axis=0)
-        both = across.T @ (unit.T - solved(self.information, seen))
-        shared = np.linalg.solve(np.eye(len(unit)) + unit @ seen_beside, np.column_stack([pull, both.T]))
-        return gradient - both @ shared[:, 0], information - both @ shared[:, 1:]
+        free = unit.T - solved(self.information, of_rows @ unit.T)
+        of_errors = np.eye(len(unit)) + unit @ of_rows @ free
+        pull, both = unit @ np.sum([part.gradient for part in self.eliminated], axis=0), across.T @ free
+        answer = np.linalg.solve(of_errors, np.column_stack([pull, both.T]))
+        return gradient - both @ answer[:, 0], information - both @ answer[:, 1:]
 
     def _added(self, torque_nm: Sequence[FloatArray], first: int) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(k,) gradient and (k, k) information of `beside`, and (f, k) information across to the shared unknowns."""
