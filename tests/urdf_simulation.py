@@ -21,6 +21,21 @@ _FEW_RAD_S = 1.0
 _FRICTION_SHARE = 0.15
 _NOISE_SHARE = 0.005
 """Coulomb friction and noise of one sample, as a share of a joint's RMS torque."""
+PUBLISHED = {
+    "UR3": ("ur_description/urdf/ur3_robot.urdf", None, None),
+    "UR5": ("ur_description/urdf/ur5_robot.urdf", None, None),
+    "UR10": ("ur_description/urdf/ur10_robot.urdf", None, None),
+    "Panda": ("panda_description/urdf/panda.urdf", None, "panda_hand"),
+    "Kinova": ("kinova_description/robots/kinova.urdf", None, "j2s6s200_end_effector"),
+    "xArm7": ("xarm_description/urdf/xarm7.urdf", None, "link_eef"),
+    "Z1": ("z1_description/urdf/z1.urdf", None, "link06"),
+    "SO-100": ("so_arm_description/urdf/so100.urdf", None, "gripper"),
+    "SO-101": ("so_arm_description/urdf/so101.urdf", None, "gripper_link"),
+    "Baxter": ("baxter_description/urdf/baxter.urdf", None, "left_gripper"),
+    "Tiago": ("tiago_description/robots/tiago.urdf", "torso_lift_link", "arm_tool_link"),
+    "Talos": ("talos_data/robots/talos_left_arm.urdf", None, "wrist_left_ft_tool_link"),
+}
+"""File among PyPI's `example-robot-data`, and links of base and flange; None for the file's."""
 
 
 @dataclass
@@ -63,6 +78,20 @@ class PinocchioArm:
         model.appendBodyToJoint(frame.parentJoint, body, frame.placement)
         return model
 
+    @property
+    def places(self) -> list[int]:
+        """Places of the joints in Pinocchio's velocities and torques."""
+        return [self.model.joints[self.model.getJointId(name)].idx_v for name in self.joint_names]
+
+    def link_torque(self, model: pin.Model, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
+        """(N, n) torque of the links of `model` or `loaded`, by Newton and Euler."""
+        data, places = model.createData(), self.places
+        torque, moved = np.empty_like(q), np.zeros((2, model.nv))
+        for k in range(len(q)):
+            moved[0, places], moved[1, places] = dq[k], ddq[k]
+            torque[k] = pin.rnea(model, data, self.configuration(q[k], model), moved[0], moved[1])[places]
+        return torque
+
     def runs(self, lower, upper, speed, mass_kg, center_m, inertia_kg_m2, seed=0):
         """An empty run and one with a payload, of one motion within the limits, with friction and noise.
 
@@ -71,16 +100,8 @@ class PinocchioArm:
         """
         rng = np.random.default_rng(seed)
         q, dq, ddq = _motion(rng, lower, upper, speed)
-        order = [self.model.joints[self.model.getJointId(name)].idx_v for name in self.joint_names]
-        torques = []
-        for model in (self.loaded(mass_kg, center_m, inertia_kg_m2), self.model):
-            data = model.createData()
-            torque = np.empty_like(q)
-            moved = np.zeros((2, model.nv))
-            for k in range(len(q)):
-                moved[0, order], moved[1, order] = dq[k], ddq[k]
-                torque[k] = pin.rnea(model, data, self.configuration(q[k], model), moved[0], moved[1])[order]
-            torques.append(torque)
+        models = self.loaded(mass_kg, center_m, inertia_kg_m2), self.model
+        torques = [self.link_torque(model, q, dq, ddq) for model in models]
         size = np.sqrt(np.mean(torques[1] ** 2, axis=0))
         size = np.maximum(size, 0.05 * size.max())
         friction = _FRICTION_SHARE * size * (np.tanh(dq / 0.01) + dq)

@@ -21,34 +21,33 @@ import numpy as np
 
 import armload
 from armload_identification.calibration.mounted_runs import MountedRun, WeighedPayload
+from armload_identification.calibration.session_gains import ASSUMED
 from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import IdentificationError
 from armload_identification.model.payload import InertialParameters, derived
 from armload_identification.pipeline.identification_result import Identification
+from benchmarks.accuracy.interval_coverage import LEAST, MOST, Mode
 from benchmarks.arms.calibrated import calibrated
 from benchmarks.arms.published_arm import PublishedArm
 from benchmarks.arms.trials import workers
 from benchmarks.results.tally import Tally, progress_line
+from tests.urdf_simulation import PUBLISHED
 
-ARMS: Final = {
-    "UR3": ("ur_description/urdf/ur3_robot.urdf", None, None, 3.0),
-    "UR5": ("ur_description/urdf/ur5_robot.urdf", None, None, 5.0),
-    "UR10": ("ur_description/urdf/ur10_robot.urdf", None, None, 10.0),
-    "Panda": ("panda_description/urdf/panda.urdf", None, "panda_hand", 3.0),
-    "Kinova": ("kinova_description/robots/kinova.urdf", None, "j2s6s200_end_effector", 2.0),
-    "xArm7": ("xarm_description/urdf/xarm7.urdf", None, "link_eef", 3.5),
-    "Z1": ("z1_description/urdf/z1.urdf", None, "link06", 2.0),
-    "Baxter": ("baxter_description/urdf/baxter.urdf", None, "left_gripper", 2.2),
-    "Talos": ("talos_data/robots/talos_left_arm.urdf", None, "wrist_left_ft_tool_link", 4.0),
+RATED_KG: Final = {
+    "UR3": 3.0,
+    "UR5": 5.0,
+    "UR10": 10.0,
+    "Panda": 3.0,
+    "Kinova": 2.0,
+    "xArm7": 3.5,
+    "Z1": 2.0,
+    "Baxter": 2.2,
+    "Talos": 4.0,
 }
-"""File, links of base and flange, and payload in kg."""
-MODES: Final = ("nominal pair", "calibrated pair", "single run")
-LEAST: Final = 0.93
-MOST: Final = 0.97
+MODES: Final = (Mode.NOMINAL, Mode.PAIR, Mode.SINGLE)
 FALSE: Final = 0.01
 SCALE: Final = 0.02
 """Standard deviation of the reported torque's error of each joint, and of that of all together: the prior's."""
-DRIFT: Final = 0.01
 DAY: Final = 0.05
 """Standard deviation of all friction from the calibration's."""
 NAMED: Final = ("as if", "times that of the links")
@@ -64,9 +63,9 @@ def main() -> int:
     given = parser.parse_args()
     seeds = range(given.first_seed, given.first_seed + given.seeds)
     tally, found = Tally(), []
-    tally.heading(f"{len(ARMS)} published arms, seeds {seeds[0]} to {seeds[-1]}")
+    tally.heading(f"{len(RATED_KG)} published arms, seeds {seeds[0]} to {seeds[-1]}")
     with workers() as pool:
-        tasks = [(name, pool.submit(specimen, given.folder, name, seed)) for name in ARMS for seed in seeds]
+        tasks = [(name, pool.submit(specimen, given.folder, name, seed)) for name in RATED_KG for seed in seeds]
         with progress_line("specimens", len(tasks)) as progress:
             for name, task in tasks:
                 found.append((name, task.result()))
@@ -93,7 +92,7 @@ def main() -> int:
 
 def specimen(folder: Path, name: str, seed: int) -> list[tuple[FloatArray, list[str]]]:
     """(10,) errors as shares of the half widths, NaN if not determined, and what is named, for every mode."""
-    file, base, flange, rated_kg = ARMS[name]
+    (file, base, flange), rated_kg = PUBLISHED[name], RATED_KG[name]
     rng = np.random.default_rng([seed, *name.encode()])
     arm = PublishedArm(folder / file, base, flange, rng)
     gain = 1.0 / (1.0 + SCALE * (rng.normal() + rng.normal(size=arm.urdf.n)))
@@ -106,7 +105,7 @@ def specimen(folder: Path, name: str, seed: int) -> list[tuple[FloatArray, list[
     ]
     weighed = {"weighed": WeighedPayload(heavy.mass_kg)}
     known = calibrated(runs, weighed, arm.urdf.chain, arm.urdf.transmission)
-    motion, day, today = arm.motion(), 1.0 + DAY * rng.normal(), gain * (1.0 + DRIFT * rng.normal())
+    motion, day, today = arm.motion(), 1.0 + DAY * rng.normal(), gain * (1.0 + ASSUMED * rng.normal())
     loaded, unloaded = (arm.run(motion, payload, today, day) for payload in (light, None))
     truth, _ = derived(light)
     found = []

@@ -85,8 +85,7 @@ class PublishedArm:
             center = link.lever + CENTER_M * rng.normal(size=3)
             model.inertias[joint] = pin.Inertia(link.mass * times, center, link.inertia * times)
         joints = [model.joints[model.getJointId(name)] for name in self.urdf.joint_names]
-        self._at = [joint.idx_v for joint in joints]
-        speed = np.array([model.velocityLimit[joint.idx_v] for joint in joints])
+        speed = model.velocityLimit[self._pinocchio.places]
         self._speed_rad_s = np.where(speed > 0.0, np.minimum(speed, 3.0), 1.5)
         low, high = (
             np.array([limit[joint.idx_q] if joint.nq == 1 else np.inf for joint in joints])
@@ -151,8 +150,4 @@ class PublishedArm:
         model = self._pinocchio.model
         if payload is not None:
             model = self._pinocchio.loaded(payload.mass_kg, payload.center_of_mass_m, payload.inertia_about_com)
-        data, moved, torque = model.createData(), np.zeros((2, model.nv)), np.empty_like(q)
-        for row, angles in enumerate(q):
-            moved[:, self._at] = dq[row], ddq[row]
-            torque[row] = pin.rnea(model, data, self._pinocchio.configuration(angles, model), *moved)[self._at]
-        return torque
+        return self._pinocchio.link_torque(model, q, dq, ddq)
