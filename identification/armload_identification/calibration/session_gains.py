@@ -37,8 +37,8 @@ ASSUMED: Final = 0.01
 LARGEST: Final = 0.2
 """Greatest standard deviation that can be stated."""
 LEAST: Final = 0.001
-"""The calibration's own errors, on another motion, as a standard deviation: of what its sessions show, which seem alike
-because the arm's links are fitted to them, and of what a run says."""
+"""Of the calibration's sessions, which seem alike because the arm's links are fitted to them, and of what a run says: a
+standard deviation for what no term describes on another motion."""
 OF_REFERENCE: Final = 0.003
 """The same of a drift that a reference has measured: on 31 January the UR10e's empty run says -0.4 %, the loaded one
 -0.5 %, where the weighed payload shows none."""
@@ -177,6 +177,8 @@ def _factor_in(
     known, level = calibration.known_arm, calibration.level(chain)
     gains = calibration.transmission(transmission)
     motion = usable_runs([run], chain.n, gains, known.effort)[0].motion
+    # Errors of the calibration count in a loaded run, where they look like the payload. An empty run shows them itself.
+    errors = None if carried is None else known.errors
     found, information, free = 0.0, 0.0, LARGEST**-2.0
     for _ in range(_STEPS):
         now = motion.with_torque_times(np.exp(found) * np.eye(chain.n))
@@ -185,7 +187,7 @@ def _factor_in(
             (group,) = problem.groups
             problem = replace(problem, groups=[Group((RunRows(group.runs[0].rows),))])
         posterior = solve(problem, rough=True)
-        pull, left = posterior.beside(posterior.groups[0].torque[0].predicted_nm[None])
+        pull, left = posterior.beside(posterior.groups[0].torque[0].predicted_nm[None], errors=errors)
         information = float(left[0, 0])
         found -= (float(pull[0]) + free * found) / (information + free)
     return found, float(np.hypot(information**-0.5, LEAST))

@@ -316,33 +316,46 @@ def test_a_reference_leaves_three_tenths_of_a_percent_at_most(monkeypatch, prior
     assert found.origin == "measured by ref.mcap"
 
 
-def test_the_factor_is_found_in_three_linearisations_from_the_rows(monkeypatch):
+@pytest.mark.parametrize(("carried", "given"), [(KnownPayload(), "errors"), (None, None)])
+def test_the_factor_is_found_in_three_linearisations_from_the_rows(monkeypatch, carried, given):
     """Rows that say 2 % with a deviation of 0.5 %, and 20 % as what is possible."""
-    information, times = 0.005**-2.0, []
+    information, times, beside = 0.005**-2.0, [], []
 
     def times_matrix(matrix):
         times.append(float(np.log(matrix[0, 0])))
-        return times[-1]
+        return SimpleNamespace(now=times[-1], groups=[SimpleNamespace(runs=[SimpleNamespace(rows=None)])])
+
+    @dataclass
+    class Problem:
+        now: float
+        groups: list
+
+        def knowing(self, _):
+            return self
+
+    def solve(problem, *, rough):
+        def said(_, *, errors):
+            beside.append(errors)
+            return np.array([information * (problem.now - 0.02)]), np.array([[information]])
+
+        return SimpleNamespace(
+            groups=[SimpleNamespace(torque=[SimpleNamespace(predicted_nm=np.zeros((1, 1)))])], beside=said
+        )
 
     run = SimpleNamespace(motion=SimpleNamespace(with_torque_times=times_matrix))
     monkeypatch.setattr(f"{ROOM}.session_gains.usable_runs", lambda *_: [run])
-    monkeypatch.setattr(f"{ROOM}.session_gains.single_problem", lambda now, *_: SimpleNamespace(knowing=lambda _: now))
-
-    def solve(now, *, rough):
-        torque = SimpleNamespace(predicted_nm=np.zeros((1, 1)))
-        beside = np.array([information * (now - 0.02)]), np.array([[information]])
-        return SimpleNamespace(groups=[SimpleNamespace(torque=[torque])], beside=lambda _: beside)
-
+    monkeypatch.setattr(f"{ROOM}.session_gains.single_problem", lambda now, *_: Problem(now.now, now.groups))
     monkeypatch.setattr(f"{ROOM}.session_gains.solve", solve)
     calibration = SimpleNamespace(
-        known_arm=SimpleNamespace(effort=None),
+        known_arm=SimpleNamespace(effort=None, errors="errors"),
         level=lambda _: None,
         transmission=lambda _: SimpleNamespace(coupling=None),
     )
-    found, deviation = _factor_in(None, calibration, SimpleNamespace(n=1), None, KnownPayload())
+    found, deviation = _factor_in(None, calibration, SimpleNamespace(n=1), None, carried)
     free = 0.02 * information / (information + 0.2**-2.0)
     assert (found, deviation) == (pytest.approx(free), pytest.approx(np.hypot(0.005, 0.001)))
     assert times == pytest.approx([0.0, free, free])
+    assert beside == 3 * [given]
 
 
 def test_the_note_has_the_factor_or_what_a_percent_would_change():
