@@ -15,10 +15,10 @@ on the flange counts as payload.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -124,25 +124,29 @@ class Disturbances:
             body: The arm's links.
             errors: (m, p) errors of a calibrated arm, as of `KnownArm`.
         """
-        first = cls._of_solution(found, chain, body, errors)
+        look = partial(cls._of_solution, chain=chain, body=body, errors=errors)
+        first = look(found)
         likely = sorted(first.candidates, key=first.certainty)[: -DisturbanceLimits.tried - 1 : -1]
         if first.certainty(likely[0]) < DisturbanceLimits.suspect:
             return first
         # while it is in the residual, it counts as noise and hides itself: once more without each that may be the one
-        without = [(one, first.without(one, found, chain, body, errors)) for one in likely]
+        without = [(one, first.without(one, found, look)) for one in likely]
         return max(without, key=lambda each: each[1].certainty(each[0]))[1]
 
-    def without(
-        self, one: Candidate, found: Posterior, chain: Chain, body: BodyModel, errors: FloatArray | None
-    ) -> Disturbances:
-        """The same by the noise that is left without a disturbance."""
+    def without(self, one: Candidate, found: Posterior, look: Callable[[Posterior], Disturbances]) -> Disturbances:
+        """The same by the noise that is left without a disturbance.
+
+        Args:
+            one: The disturbance.
+            found: The solution with it.
+            look: What another solution of the same arm says.
+        """
         error, _ = _alone(one, self.gradient, self.information)
         groups = [
             group.with_effort(group.runs[0].rows.effort_nm - np.tensordot(error, torque_nm[one.place], axes=1))
             for torque_nm, group in zip(self.torque_nm, found.problem.groups, strict=True)
         ]
-        solution = solve(replace(found.problem, groups=groups), rough=True, start=found)
-        rest = self._of_solution(solution, chain, body, errors)
+        rest = look(solve(replace(found.problem, groups=groups), rough=True, start=found))
         gradient = rest.gradient + rest.information[:, one.place] @ error
         return replace(rest, torque_nm=self.torque_nm, gradient=gradient)
 

@@ -248,7 +248,9 @@ def test_every_look_at_a_calibrated_arm_knows_its_errors(pair, calibration, pino
     """Also those at what is left without a likely disturbance."""
     look, seen = Disturbances._of_solution, []
     monkeypatch.setattr(
-        Disturbances, "_of_solution", staticmethod(lambda *given: seen.append(given[-1]) or look(*given))
+        Disturbances,
+        "_of_solution",
+        staticmethod(lambda found, **arm: seen.append(arm["errors"]) or look(found, **arm)),
     )
     given = [turned(run, 3, 1.0) for run in pair[:runs]] + [None] * (2 - runs)
     chain, transmission = calibration.level(pinocchio_arm.chain), calibration.transmission(pinocchio_arm.transmission)
