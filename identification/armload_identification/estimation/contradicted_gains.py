@@ -14,7 +14,6 @@ UR10e, joints 2 and 3 are 2 % stronger than assumed and the wrist 3 % weaker, wh
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,9 +55,8 @@ class GainFit:
 
 @dataclass(frozen=True, eq=False)
 class _Trial:
-    """A solution with some gains unknown, and (n,) what the rows say of each without its own prior."""
+    """A solution with one gain unknown or none, and (n,) what the rows say of each without its own prior."""
 
-    unknown: tuple[int, ...]
     posterior: Posterior
     value: FloatArray
     deviation: FloatArray
@@ -76,36 +74,37 @@ def fit_gains(problem: PayloadProblem, gains: Gains, prior: Prior | None) -> tup
         The solution and the gains.
     """
 
-    def solved(unknown: Sequence[int], before: Posterior | None = None) -> _Trial:
+    def solved(unknown: int | None = None, before: Posterior | None = None) -> _Trial:
         wide = gains.covariance.copy()
-        for axis in unknown:
-            wide[axis], wide[:, axis] = 0.0, 0.0
-            wide[axis, axis] = GainTest.unknown**2
+        if unknown is not None:
+            wide[unknown], wide[:, unknown] = 0.0, 0.0
+            wide[unknown, unknown] = GainTest.unknown**2
         found = solve(problem.with_gains(wide).knowing(prior), rough=True, start=before)
-        return _Trial(tuple(unknown), found, *_by_others(found, np.diag(wide), gains.common_deviation))
+        return _Trial(found, *_by_others(found, np.diag(wide), gains.common_deviation))
 
     assumed = np.sqrt(np.diag(gains.own_covariance))
-    start = best = solved(())
+    start = solved()
     noticeable = _noticeable(start, assumed)
     suspects = [
         int(axis)
         for axis in np.argsort(-np.abs(start.value) / _named_from(start.deviation, assumed), kind="stable")
         if abs(start.value[axis]) > GainTest.suspect * np.maximum(GainTest.assumed * assumed, GainTest.matters)[axis]
     ]
-    alone = {axis: solved((axis,), start.posterior) for axis in suspects}
-    wrong = [axis for axis, trial in alone.items() if _is_contradicted(trial, assumed)[axis]]
+    alone = {axis: solved(axis, start.posterior) for axis in suspects}
+    contradicted = {axis: np.abs(trial.value) > _named_from(trial.deviation, assumed) for axis, trial in alone.items()}
+    wrong = [axis for axis in suspects if contradicted[axis][axis]]
     for axis, trial in alone.items():
         noticeable[axis] = min(noticeable[axis], _noticeable(trial, assumed)[axis])
-    right = [alone[axis] for axis in wrong if _explains(alone[axis], assumed)]
-    if len(right) == 1:
-        best = right[0]
-    contrast = np.eye(best.posterior.problem.shared_size)[best.posterior.problem.place(GAIN)]
-    variance, freedom = best.posterior.spread(contrast)
-    return best.posterior, GainFit(
-        log_gain=-best.posterior.value(GAIN),
+    # Each of these explains the others: with it unknown, none of them is contradicted.
+    right = [axis for axis in wrong if not np.delete(contradicted[axis], axis).any()]
+    possible = np.isin(np.arange(assumed.size), right)
+    best = alone[right[0]].posterior if len(right) == 1 else start.posterior
+    variance, freedom = best.spread(np.eye(best.problem.shared_size)[best.problem.place(GAIN)])
+    return best, GainFit(
+        log_gain=-best.value(GAIN),
         half_width_95=student_half_width(freedom) * np.sqrt(variance),
-        contradicted=_unknown(best),
-        possible=np.isin(np.arange(assumed.size), [trial.unknown[0] for trial in right]),
+        contradicted=possible & (len(right) == 1),
+        possible=possible,
         disagree=bool(wrong) and len(right) != 1,
         assumed_deviation=assumed,
         noticeable=noticeable,
@@ -132,17 +131,3 @@ def _named_from(deviation: FloatArray, assumed: FloatArray) -> FloatArray:
 
 def _noticeable(trial: _Trial, assumed: FloatArray) -> FloatArray:
     return np.asarray(_named_from(trial.deviation, assumed) + GainTest.nine_of_ten * trial.deviation)
-
-
-def _is_contradicted(trial: _Trial, assumed: FloatArray) -> NDArray[np.bool_]:
-    """(n,) True for gains that a trial's rows contradict."""
-    return np.asarray(np.abs(trial.value) > _named_from(trial.deviation, assumed))
-
-
-def _unknown(trial: _Trial) -> NDArray[np.bool_]:
-    return np.isin(np.arange(trial.value.size), trial.unknown)
-
-
-def _explains(trial: _Trial, assumed: FloatArray) -> bool:
-    """Whether no gain is contradicted but those that are unknown."""
-    return not (_is_contradicted(trial, assumed) & ~_unknown(trial)).any()
