@@ -7,7 +7,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from armload_identification.estimation.arm_rows import ArmLayout, ArmRows
-from armload_identification.estimation.arm_terms import GAIN, LAWS, LINKS, PAYLOAD, payload_term
+from armload_identification.estimation.arm_terms import (
+    GAIN,
+    LAWS,
+    LINKS,
+    PAYLOAD,
+    arm_terms,
+    effort_level,
+    friction_change,
+    payload_term,
+)
 from armload_identification.estimation.payload_from_posterior import PayloadEstimate
 from armload_identification.estimation.payload_problem import PayloadProblem
 from armload_identification.estimation.prior_knowledge import Prior
@@ -27,6 +36,11 @@ WIDE = 1e6
 def white(arm) -> Noise:
     """The noise of a simulated arm's joints, known, row by row."""
     return Noise.given(arm.noise_nm, np.ones(6))
+
+
+def all_terms(runs: Sequence[ArmRows], layout: ArmLayout) -> list[Term]:
+    """The terms of an arm of which nothing is known, of its payloads and of its runs."""
+    return [*arm_terms(runs, layout), friction_change(effort_level(runs), layout.peak_rad_s)]
 
 
 def rows_of(

@@ -37,6 +37,7 @@ from armload_identification.estimation.arm_terms import (
     TILT_DEVIATION_RAD,
     arm_terms,
     effort_level,
+    friction_change,
     places_of,
 )
 from armload_identification.estimation.elastic_joints import elastic_torque
@@ -242,7 +243,7 @@ class _Calibration:
         """All unknowns of the arm and of some of its runs."""
         rows, mountings = [run.rows for run in runs], {run.mounting for run in runs}
         return Problem(
-            terms=arm_terms(rows, layout),
+            terms=[*arm_terms(rows, layout), friction_change(effort_level(rows), layout.peak_rad_s)],
             groups=[Group((run,)) for run in runs],
             noise=Noise.unknown(effort_level(rows)),
             coupling=self._transmission.coupling,

@@ -15,7 +15,8 @@ in viscous friction and 0.55 % in offset.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 import msgspec
@@ -87,11 +88,14 @@ LAWS: Final[dict[str, Law]] = {
 _PAYLOAD_LAW: Final = Load(lambda rows: (rows.payload, rows.payload_moved))
 
 
-def arm_terms(runs: Sequence[ArmRows], arm: ArmLayout) -> list[Term]:
-    """The terms of an arm of which nothing is known but its kinematics and nominal gains.
+def arm_terms(
+    runs: Sequence[ArmRows], arm: ArmLayout, deviations: Mapping[str, FloatArray] = MappingProxyType({})
+) -> list[Term]:
+    """The terms of an arm of which nothing is known but its kinematics and nominal gains, and of its payloads.
 
     Args:
         runs: All runs, whose torques and motions set the scale.
+        deviations: Standard deviations of some terms, by name, in place of the usual ones.
     """
     n, level, base = arm.chain.n, effort_level(runs), arm.base
     speed = np.maximum(_rms(runs, "velocity_rad_s"), _ZERO)
@@ -112,8 +116,11 @@ def arm_terms(runs: Sequence[ArmRows], arm: ArmLayout) -> list[Term]:
         DELAY: (np.zeros(1), np.array([Priors.delay_s]), "some cycles of a drive"),
         TILT: (np.zeros(2), np.full(2, TILT_DEVIATION_RAD), "a base set up with a spirit level"),
     }
-    terms = [Term(name, Scope.ARM, LAWS[name], *priors[name]) for name in ARM_TERMS]
-    return [*terms, wide_payload(runs, arm.chain), friction_change(level, arm.peak_rad_s)]
+    terms = [
+        Term(name, Scope.ARM, LAWS[name], mean, deviations.get(name, deviation), origin)
+        for name, (mean, deviation, origin) in priors.items()
+    ]
+    return [*terms, wide_payload(runs, arm.chain)]
 
 
 def wide_payload(runs: Sequence[ArmRows], chain: Chain) -> Term:

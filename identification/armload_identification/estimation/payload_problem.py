@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-import msgspec
 import numpy as np
 
 from armload_identification.estimation.arm_rows import (
@@ -24,7 +23,6 @@ from armload_identification.estimation.arm_rows import (
     row_window,
 )
 from armload_identification.estimation.arm_terms import (
-    FRICTION_CHANGE,
     GAIN,
     LEVELLED_RAD,
     PAYLOAD,
@@ -204,12 +202,7 @@ def _layout(runs: Sequence[Motion], chain: Chain, coupling: FloatArray, arm: Kno
 
 def _unknown_arm(rows: Sequence[ArmRows], arm: ArmLayout) -> list[Term]:
     """Terms of an arm of which only kinematics and nominal gains are known."""
-    changed = {GAIN: np.full(arm.chain.n, np.inf), TILT: np.full(2, LEVELLED_RAD)}
-    terms = [
-        msgspec.structs.replace(term, deviation=changed.get(term.name, term.deviation))
-        for term in arm_terms(rows, arm)
-        if term.name != FRICTION_CHANGE
-    ]
+    terms = arm_terms(rows, arm, {GAIN: np.full(arm.chain.n, np.inf), TILT: np.full(2, LEVELLED_RAD)})
     return [*terms, friction_change(effort_level(rows), arm.peak_rad_s, WITHIN_HOURS, Priors.within_hours_freedom)]
 
 

@@ -17,13 +17,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-import msgspec
 import numpy as np
 
 from armload_identification.estimation.arm_from_posterior import identified_body
 from armload_identification.estimation.arm_rows import ArmLayout, ArmRows
 from armload_identification.estimation.arm_terms import (
-    FRICTION_CHANGE,
     GAIN,
     ROOT,
     TILT,
@@ -68,12 +66,8 @@ def fit_body(runs: Sequence[Motion], chain: Chain, coupling: FloatArray) -> Body
     n, arm = chain.n, ArmLayout.of(runs, chain, coupling)
     rows = [arm.rows(run, loaded=False) for run in runs]
     level = effort_level(rows)
-    terms = [
-        # one run cannot show gains, a tilted base and the friction law
-        msgspec.structs.replace(term, deviation=np.zeros(term.mean.size)) if term.name in {GAIN, TILT, ROOT} else term
-        for term in arm_terms(rows, arm)
-        if term.name != FRICTION_CHANGE
-    ]
+    # one run cannot show gains, a tilted base and the friction law
+    terms = arm_terms(rows, arm, {GAIN: np.zeros(n), TILT: np.zeros(2), ROOT: np.zeros(n)})
     terms.append(Term(_OFFSET, Scope.ARM, Joint(_offset), np.zeros(n), Priors.wide * level, "any"))
     problem = Problem(terms, [Group((RunRows(part),)) for part in rows], Noise.unknown(level), coupling)
     found = solve(problem, rough=True)

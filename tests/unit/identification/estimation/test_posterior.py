@@ -17,7 +17,6 @@ from armload_identification.estimation.arm_terms import (
     LOAD_FRICTION,
     PAYLOAD,
     TILT,
-    arm_terms,
     effort_level,
 )
 from armload_identification.estimation.posterior import Posterior
@@ -25,6 +24,7 @@ from armload_identification.estimation.problem import Group, Noise, Problem, Run
 from armload_identification.estimation.residual_spectrum import FREEST
 from armload_identification.estimation.solve import solve
 from armload_identification.signals.recorded_run import Run
+from tests.payload_rows import all_terms
 
 pytestmark = pytest.mark.pure
 
@@ -43,7 +43,7 @@ def found(pinocchio_arm) -> Posterior:
         msgspec.structs.replace(term, deviation=np.zeros(term.mean.size))
         if term.name in FIXED
         else msgspec.structs.replace(term, rescaled=None, pooled=None)
-        for term in arm_terms(pair, layout)
+        for term in all_terms(pair, layout)
     ]
     groups = [Group((RunRows(pair[0], "tool"),)), Group((RunRows(pair[1]),))]
     noise = Noise.given(0.05 * effort_level(pair), np.linspace(1.0, 2.0, 6))

@@ -20,7 +20,6 @@ from armload_identification.estimation.arm_terms import (
     PAYLOAD,
     ROTORS,
     TILT,
-    arm_terms,
     effort_level,
 )
 from armload_identification.estimation.estimation_constants import Solver
@@ -33,6 +32,7 @@ from armload_identification.estimation.term_kinds import Joint, Scope, Term
 from armload_identification.identification_errors import EstimationError
 from armload_identification.signals.load_signal import load_signal
 from armload_identification.signals.recorded_run import Run
+from tests.payload_rows import all_terms
 
 pytestmark = pytest.mark.pure
 
@@ -55,7 +55,7 @@ def rows(pinocchio_arm):
 def problem(rows, pinocchio_arm):
     """The pair as a difference and a mean, with exact gains."""
     pair, layout = rows
-    terms = [known_exactly(term) if term.name == GAIN else term for term in arm_terms(pair, layout)]
+    terms = [known_exactly(term) if term.name == GAIN else term for term in all_terms(pair, layout)]
     groups = [Group((RunRows(pair[0], "tool"), RunRows(pair[1])), DIFFERENCE_AND_MEAN)]
     return Problem(terms, groups, Noise.unknown(effort_level(pair)), pinocchio_arm.transmission.coupling)
 
@@ -106,7 +106,7 @@ def test_what_both_runs_have_in_common_is_not_noise_of_the_difference(problem, f
 @pytest.mark.parametrize("name", [GAIN, LINKS, ROTORS, LOAD_FRICTION, DELAY, TILT, PAYLOAD])
 def test_derivatives_are_those_of_the_torque(rows, pinocchio_arm, name):
     pair, layout = rows
-    terms = arm_terms(pair, layout)
+    terms = all_terms(pair, layout)
     problem = Problem(
         terms,
         [Group((RunRows(pair[0], "tool"),))],
