@@ -264,9 +264,8 @@ class _Calibration:
         """Number of rows of moving joints of some runs, and the least number from which an arm can be fitted."""
         rows = sum(int(np.count_nonzero(run.rows.rows.weight > Solver.moving)) for run in runs)
         payloads = PARAMETERS * len({run.given.mounting for run in runs} - {""})
-        n = self._chain.n
-        arm = places_of(n, int(np.count_nonzero(self._layout.base)))[TILT].stop
-        return rows, Calibrating.rows_per_unknown * (arm + payloads + CHANGES * n * len(runs))
+        arm = places_of(self._layout.base)[TILT].stop
+        return rows, Calibrating.rows_per_unknown * (arm + payloads + CHANGES * self._chain.n * len(runs))
 
     def _refuse_other_mounting(self) -> None:
         """Raise if the runs show another mounting or an inverted joint."""
@@ -365,8 +364,7 @@ class _Calibration:
 
     def _named(self, fit: Posterior, warnings: list[str], robot: str, provenance: Provenance) -> ArmCalibration:
         """The fit as `ArmCalibration`."""
-        n = self._chain.n
-        places = places_of(n, int(np.count_nonzero(self._layout.base)))
+        n, places = self._chain.n, places_of(self._layout.base)
         arm, gains = places[TILT].stop, places[GAIN]
         slowest = TURN_OVER * np.where(self._moves, self._layout.peak_rad_s, 1.0)
         effort = Effort.TORQUE if self._from_torque else Effort.CURRENT

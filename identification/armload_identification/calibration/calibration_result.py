@@ -199,7 +199,7 @@ class ArmCalibration:
 
     def place(self, name: str) -> slice:
         """Indices of a part of the unknowns in the covariance; the links' are in the order of `body.base`."""
-        return places_of(self.n, int(np.count_nonzero(self.body.base)))[name]
+        return places_of(self.body.base)[name]
 
     @property
     def middle_speed_rad_s(self) -> FloatArray:

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Final
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from armload_identification.estimation.estimation_constants import Priors
 from armload_identification.estimation.term_kinds import Joint, Law, Load, Motor, Scope, Shared, Term, Values
@@ -55,13 +56,13 @@ _ZERO: Final = 1e-9
 _WIDE: Final = "ten times what alone would explain the torque"
 
 
-def places_of(n: int, base: int) -> dict[str, slice]:
+def places_of(base: NDArray[np.bool_]) -> dict[str, slice]:
     """Places of the terms of an arm of n joints in the covariance of a calibration; the last one ends it.
 
     Args:
-        base: Number of base parameters of the links.
+        base: (10 n,) or (n, 10) True for the base parameters of the links.
     """
-    sizes = dict.fromkeys(ARM_TERMS, n) | {LINKS: base, DELAY: 1, TILT: 2}
+    sizes = dict.fromkeys(ARM_TERMS, base.size // PARAMETERS) | {LINKS: np.count_nonzero(base), DELAY: 1, TILT: 2}
     ends = np.cumsum([0, *sizes.values()]).tolist()
     return {name: slice(*ends[i : i + 2]) for i, name in enumerate(sizes)}
 

@@ -126,7 +126,7 @@ class _CalibrationFile(Table):
         for name in ("gains", "friction", "fit"):
             table: Table = getattr(self, name)
             require_array_shapes(name, table, dict.fromkeys(table.__struct_fields__, (n,)))
-        base, size = (n, PARAMETERS), places_of(n, int(np.count_nonzero(self.body.base)))[TILT].stop
+        base, size = (n, PARAMETERS), places_of(self.body.base != 0.0)[TILT].stop
         body = {"links": base, "base": base, "rotor_inertia_kg_m2": (n,), "coupling": (n, n), "tilt_rad": (2,)}
         require_array_shapes("body", self.body, body)
         require_array_shapes("uncertainty", self.uncertainty, {"covariance": (size, size)})

@@ -38,7 +38,7 @@ def derivatives(calibration, pinocchio_arm):
         return arm.body.torque(arm.level(pinocchio_arm.chain), *states_at(time_s + shift_s))
 
     found = calibration.torque_changes(calibration.level(pinocchio_arm.chain), states_at(time_s), INTERVAL_S, measured)
-    of = places_of(calibration.n, int(calibration.body.base.sum()))
+    of = places_of(calibration.body.base)
     assert found.shape == (of[TILT].stop, 500, 6)
     return of, found, torque, measured
 

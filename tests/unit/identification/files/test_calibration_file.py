@@ -64,7 +64,7 @@ def test_a_wrong_file_is_refused_by_key(text, old, new, said):
 
 
 def test_the_covariance_has_a_row_for_every_unknown_of_the_arm(calibration, text):
-    of = places_of(calibration.n, int(calibration.body.base.sum()))
+    of = places_of(calibration.body.base)
     assert calibration.covariance.shape == (of[TILT].stop, of[TILT].stop)
     less = replace(calibration, covariance=calibration.covariance[:-1, :-1])
     with pytest.raises(CalibrationFileError, match=rf"uncertainty\.covariance .* {of[TILT].stop}"):
@@ -72,7 +72,7 @@ def test_the_covariance_has_a_row_for_every_unknown_of_the_arm(calibration, text
 
 
 def test_deviations_are_found_where_the_layout_puts_them(calibration):
-    of = places_of(calibration.n, int(calibration.body.base.sum()))
+    of = places_of(calibration.body.base)
     numbered = replace(calibration, covariance=np.diag(np.arange(of[TILT].stop) ** 2.0))
     # The order of existing files.
     parts = ("log_h", "links", "rotors", "load", "coulomb", "viscous", "root", "delay", "tilt")
