@@ -287,14 +287,11 @@ class PayloadEstimate:
     def friction_covariance(self, run: int) -> FloatArray:
         """(n, 2, 2) of each joint's Coulomb (N m) and viscous changes (N m s/rad) of a run."""
         found, n = self.posterior, self.arm.layout.chain.n
-        problem, group = found.problem, found.problem.own(0)
-        own = np.eye(group.stop - group.start)
-        place = problem.place(FRICTION_CHANGE, (0, run))
-        own = own[place.start - group.start : place.stop - group.start]
-        shared = np.zeros((len(own), problem.shared_size))
+        unit = np.eye(found.problem.size)
+        contrast = unit[found.problem.place(FRICTION_CHANGE, (0, run))]
         if self._has(SESSION_FRICTION):
-            shared = np.eye(problem.shared_size)[problem.place(SESSION_FRICTION)]
-        whole = found.joint_covariance(shared, own, 0)
+            contrast = contrast + unit[found.problem.place(SESSION_FRICTION)]
+        whole = found.joint_covariance(contrast, 0)
         both = np.arange(n)[:, None] + [0, n]
         return np.asarray(whole[both[:, :, None], both[:, None, :]])
 

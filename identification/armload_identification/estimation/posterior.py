@@ -180,15 +180,14 @@ class Posterior:
         inverse = self.bread[np.ix_(self._free, self._free)]
         return np.asarray(inverse @ known @ inverse)
 
-    def joint_covariance(self, shared: FloatArray, own: FloatArray, group: int) -> FloatArray:
-        """(k, k) covariance of combinations of a group's unknowns if the rows are as independent as assumed.
+    def joint_covariance(self, contrast: FloatArray, group: int) -> FloatArray:
+        """(k, k) covariance of combinations of unknowns if the rows are as independent as assumed.
 
         Args:
-            shared: (k, s) coefficients of the shared unknowns.
-            own: (k, o) coefficients of the group's own ones.
+            contrast: (k, u) coefficients of all unknowns; of those of single runs only this group's count.
             group: Its index.
         """
-        contrast = np.hstack([shared[:, self._free], own])
+        contrast = np.hstack([contrast[:, self._free], contrast[:, self.groups[group].own]])
         whole = self.eliminated[group].covariance(self.bread[np.ix_(self._free, self._free)])
         return np.asarray(contrast @ whole @ contrast.T)
 
@@ -250,9 +249,8 @@ class Posterior:
     @cached_property
     def weighted_rows(self) -> list[list[WeightedRows]]:
         """Weighted rows of every group; their unknowns are those that are not known exactly."""
-        noise = self.noise_nm, self.correlation
-        weights = (state.row_weights(*noise, robust=self.problem.noise.robust) for state in self.groups)
-        return [list(state.weighted_rows(weight)) for state, weight in zip(self.groups, weights, strict=True)]
+        noise, robust = (self.noise_nm, self.correlation), self.problem.noise.robust
+        return [list(state.weighted_rows(state.row_weights(*noise, robust=robust))) for state in self.groups]
 
     def deviates(self, group: int) -> FloatArray:
         """(n,) RMS residual of a group relative to the noise of all.

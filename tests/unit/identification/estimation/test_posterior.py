@@ -133,10 +133,11 @@ def test_combinations_of_shared_and_own_unknowns(found, dense):
         at = np.r_[0:s, place]
         deviation = np.sqrt(np.diag(dense.covariance))[at]
         combined = rng.normal(size=(3, s + own)) / deviation
-        shared = np.zeros((3, found.problem.shared_size))
-        shared[:, dense.shared] = combined[:, :s]
+        contrast = np.ones((3, found.problem.size))
+        contrast[:, : found.problem.shared_size] = 0.0
+        contrast[:, dense.shared], contrast[:, found.problem.own(group)] = np.split(combined, [s], axis=1)
         expected = combined @ dense.covariance[np.ix_(at, at)] @ combined.T
-        actual = found.joint_covariance(shared, combined[:, s:], group)
+        actual = found.joint_covariance(contrast, group)
         np.testing.assert_allclose(actual, expected, rtol=2e-3, atol=2e-3 * np.diag(expected).max())
 
 
