@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from armload_identification.calibration.calibrate_arm import calibrate_arm
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.calibration.mounted_runs import ArmRuns, MountedRun, WeighedPayload
-from armload_identification.calibration.session_gains import SessionGains
+from armload_identification.calibration.session_gains import ConfiguredArm, SessionGains
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import Provenance
 from armload_identification.pipeline.identification_result import Identification
@@ -67,5 +67,6 @@ def identified_with(
     if drifts:
         session = SessionGains.assumed(calibration)
         run = loaded if unloaded is None else unloaded
-        arm = session.within(run, calibration, chain, transmission, loaded=unloaded is None).arm(arm)
+        configured = ConfiguredArm(calibration, chain, transmission)
+        arm = session.within(run, configured, loaded=unloaded is None).arm(arm)
     return identify_runs(loaded, unloaded, level, gains, arm=arm)

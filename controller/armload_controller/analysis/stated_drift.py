@@ -8,7 +8,7 @@ from typing import Final
 from armload_controller.analysis.arm_in_use import ArmInUse
 from armload_controller.config.objects_or_paths import RunSource, recording_of
 from armload_controller.config.robot_recordings import MeasuredArm
-from armload_identification.calibration.session_gains import LARGEST, SessionGains
+from armload_identification.calibration.session_gains import LARGEST, ConfiguredArm, SessionGains
 from armload_identification.identification_errors import EstimationError
 from armload_identification.recording.recording import Recording
 
@@ -70,13 +70,14 @@ class StatedDrift:
                 "a drift of the gains since a calibration, or a reference for it, requires the arm's calibration: "
                 "give that file as `calibration=`, or omit `gain_drift=` and `reference=`."
             )
-        session, about = SessionGains.assumed(used.calibration, drift), (used.calibration, arm.chain, arm.transmission)
+        session = SessionGains.assumed(used.calibration, drift)
+        about = ConfiguredArm(used.calibration, arm.chain, arm.transmission)
         if self.reference is not None:
-            return session.measured(recording_of(arm, self.reference, "reference"), *about, mass_kg)
+            return session.measured(recording_of(arm, self.reference, "reference"), about, mass_kg)
         if empty is not None and drift is not None:
-            return session.measured(empty, *about, None)
+            return session.measured(empty, about, None)
         run = loaded if empty is None else empty
-        return session if run is None else session.within(run, *about, loaded=empty is None)
+        return session if run is None else session.within(run, about, loaded=empty is None)
 
 
 NOTHING_STATED: Final = StatedDrift()

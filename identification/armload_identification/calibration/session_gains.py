@@ -13,7 +13,7 @@ still cold look the same (on the UR10e, 0.5 % on 31 January, where there was no 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -48,6 +48,20 @@ _STEPS: Final = 3
 """Linearisations: with 5 % of drift the second changes it by 0.1 %."""
 
 
+class ConfiguredArm(NamedTuple):
+    """An arm as configured, and its calibration.
+
+    Attributes:
+        calibration: Its calibration.
+        chain: Its kinematics, without the tilt of the calibration.
+        transmission: Nominal gains, and coupling.
+    """
+
+    calibration: ArmCalibration
+    chain: Chain
+    transmission: Transmission
+
+
 @dataclass(frozen=True)
 class SessionGains:
     """The common factor of an arm's gains in a session, relative to its calibration.
@@ -72,45 +86,34 @@ class SessionGains:
             return cls(0.0, float(np.hypot(known, LEAST)), "the scatter between the calibration's sessions")
         return cls(0.0, ASSUMED, f"assumed because the calibration has fewer than {FEWEST_SESSIONS} dated sessions")
 
-    def measured(
-        self,
-        reference: Recording,
-        calibration: ArmCalibration,
-        chain: Chain,
-        transmission: Transmission,
-        mass_kg: float | None,
-    ) -> SessionGains:
+    def measured(self, reference: Recording, arm: ConfiguredArm, mass_kg: float | None) -> SessionGains:
         """The factor from a reference run of the same session.
 
         Args:
             reference: A run of any motion, empty or with a weighed tool.
-            chain: The arm as configured.
-            transmission: Nominal gains, and coupling.
+            arm: Its arm.
             mass_kg: Mass of the tool; None if the reference is empty.
 
         Raises:
             RecordingError: a recording that does not fit the arm, or is invalid.
         """
         tool = None if mass_kg is None else KnownPayload(mass_kg=mass_kg)
-        found, deviation = self._with_prior(*_factor_in(reference, calibration, chain, transmission, tool))
+        found, deviation = self._with_prior(*_factor_in(reference, arm, tool))
         whole = float(np.hypot(deviation, min(OF_REFERENCE, self.deviation)))
         origin = f"measured by {reference.source.path.name}"
         if abs(found) > Drift.noted * np.hypot(self.deviation, OF_REFERENCE):
             origin += ", far more than expected: check that it is of the same day and carried what is stated"
         return SessionGains(found, whole, origin)
 
-    def within(
-        self, run: Recording, calibration: ArmCalibration, chain: Chain, transmission: Transmission, *, loaded: bool
-    ) -> SessionGains:
+    def within(self, run: Recording, arm: ConfiguredArm, *, loaded: bool) -> SessionGains:
         """As much of it as a run of the session leaves possible, as of `beside`.
 
         Args:
-            calibration: The arm.
-            chain: The arm as configured.
-            transmission: Nominal gains, and coupling.
+            run: The run.
+            arm: Its arm.
             loaded: Whether it carried the payload; else nothing.
         """
-        return self.beside(*_factor_in(run, calibration, chain, transmission, KnownPayload() if loaded else None))
+        return self.beside(*_factor_in(run, arm, KnownPayload() if loaded else None))
 
     def beside(self, said: float, deviation: float) -> SessionGains:
         """The same from what a motion with the gains of this session says of an error of the factor.
@@ -167,15 +170,13 @@ class SessionGains:
         return replace(known, errors=np.vstack([known.errors, error]))
 
 
-def _factor_in(
-    run: Recording, calibration: ArmCalibration, chain: Chain, transmission: Transmission, carried: KnownPayload | None
-) -> tuple[float, float]:
+def _factor_in(run: Recording, arm: ConfiguredArm, carried: KnownPayload | None) -> tuple[float, float]:
     """The logarithm of the factor by a run alone, with a payload or without, and its standard deviation.
 
     The prior counts only afterwards: held by it, 5 % would remain as residual, count as noise, and hide themselves.
     """
-    known, level = calibration.known_arm, calibration.level(chain)
-    gains = calibration.transmission(transmission)
+    calibration, chain, nominal = arm
+    known, level, gains = calibration.known_arm, calibration.level(chain), calibration.transmission(nominal)
     motion = usable_runs([run], chain.n, gains, known.effort)[0].motion
     # Errors of the calibration count in a loaded run, where they look like the payload. An empty run shows them itself.
     errors = None if carried is None else known.errors

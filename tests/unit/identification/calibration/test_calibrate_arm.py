@@ -11,7 +11,7 @@ import pytest
 from armload_identification.calibration import calibrate_arm as calibrate_module
 from armload_identification.calibration.calibration_constants import OtherMounting
 from armload_identification.calibration.mounted_runs import MountedRun, WeighedPayload
-from armload_identification.calibration.session_gains import SessionGains
+from armload_identification.calibration.session_gains import ConfiguredArm, SessionGains
 from armload_identification.estimation import solve as solve_module
 from armload_identification.estimation.arm_rows import motion_with_rows
 from armload_identification.estimation.base_tilt import tilt_axes
@@ -118,7 +118,7 @@ def test_a_third_payload_is_identified_better_with_it(result, pinocchio_arm, nom
         assert (error < 1.5 * found.uncertainty.half_width_95[:4]).all()
         assert not any("nominal" in note or "far outside" in note for note in found.notes)
     # Both with what they leave of a drift of the gains, which a pair's intervals contain.
-    session = SessionGains.assumed(result).within(loaded, result, arm.chain, nominal, loaded=True)
+    session = SessionGains.assumed(result).within(loaded, ConfiguredArm(result, arm.chain, nominal), loaded=True)
     drifting = identify_runs(loaded, None, level, transmission, arm=session.arm(known))
     assert drifting.uncertainty.half_width_95[0] > pair.uncertainty.half_width_95[0]
     # A cold gear: two thirds more friction on joint 3 than calibrated.

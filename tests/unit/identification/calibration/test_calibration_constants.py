@@ -300,14 +300,14 @@ def test_a_motion_that_contradicts_the_prior_counts_alone(said, told):
 def test_a_run_of_the_session_is_such_a_motion(monkeypatch):
     monkeypatch.setattr(f"{ROOM}.session_gains._factor_in", lambda *_: (0.009, 0.005))
     assumed = SessionGains(0.0, 0.01, "as stated")
-    assert assumed.within(None, None, None, None, loaded=True) == assumed.beside(0.009, 0.005)
+    assert assumed.within(None, None, loaded=True) == assumed.beside(0.009, 0.005)
 
 
 @pytest.mark.parametrize(("prior", "left", "floor"), [(0.01, 0.0037139, 0.003), (0.001, 9.7014e-4, 0.001)])
 def test_a_reference_leaves_three_tenths_of_a_percent_at_most(monkeypatch, prior, left, floor):
     monkeypatch.setattr(f"{ROOM}.session_gains._factor_in", lambda *_: (0.012, 0.004))
     run = SimpleNamespace(source=SimpleNamespace(path=SimpleNamespace(name="ref.mcap")))
-    found = SessionGains(0.0, prior, "").measured(run, None, None, None, None)
+    found = SessionGains(0.0, prior, "").measured(run, None, None)
     share = prior**2 / (prior**2 + 0.004**2)
     assert (found.log_factor, found.deviation) == (
         pytest.approx(0.012 * share),
@@ -351,7 +351,7 @@ def test_the_factor_is_found_in_three_linearisations_from_the_rows(monkeypatch, 
         level=lambda _: None,
         transmission=lambda _: SimpleNamespace(coupling=None),
     )
-    found, deviation = _factor_in(None, calibration, SimpleNamespace(n=1), None, carried)
+    found, deviation = _factor_in(None, (calibration, SimpleNamespace(n=1), None), carried)
     free = 0.02 * information / (information + 0.2**-2.0)
     assert (found, deviation) == (pytest.approx(free), pytest.approx(np.hypot(0.005, 0.001)))
     assert times == pytest.approx([0.0, free, free])

@@ -10,7 +10,7 @@ import pytest
 from msgspec import structs
 
 from armload_identification.calibration.calibration_result import FEWEST_SESSIONS
-from armload_identification.calibration.session_gains import ASSUMED, LEAST, SessionGains
+from armload_identification.calibration.session_gains import ASSUMED, LEAST, ConfiguredArm, SessionGains
 from armload_identification.files.calibration_file import format_calibration, parse_calibration
 from armload_identification.pipeline.payload_identification import identify_runs
 
@@ -50,7 +50,7 @@ def test_the_run_itself_says_how_large_it_can_be(calibration, pinocchio_arm, fac
     prior = SessionGains.assumed(calibration, 0.03)
     run = drifted(arm, True, 81)
     run = replace(run, current_a=factor / DRIFT * run.current_a)
-    session = prior.within(run, calibration, arm.chain, arm.transmission, loaded=True)
+    session = prior.within(run, ConfiguredArm(calibration, arm.chain, arm.transmission), loaded=True)
     assert session.log_factor == 0.0
     assert (session.deviation < 0.006) == (factor == 1.0)
     level, gains = calibration.level(arm.chain), calibration.transmission(arm.transmission)
@@ -66,7 +66,8 @@ def test_a_reference_of_the_session_measures_it(calibration, pinocchio_arm, tool
     arm = pinocchio_arm
     mass_kg = arm.payload.mass_kg if tool else None
     prior = SessionGains.assumed(calibration, 0.05)
-    session = prior.measured(drifted(arm, tool, 82), calibration, arm.chain, arm.transmission, mass_kg)
+    configured = ConfiguredArm(calibration, arm.chain, arm.transmission)
+    session = prior.measured(drifted(arm, tool, 82), configured, mass_kg)
     assert session.log_factor == pytest.approx(-np.log(DRIFT), abs=3.0 * session.deviation)
     assert LEAST <= session.deviation < 0.01
     error, half_width = off(identified(calibration, arm, session), arm)
@@ -78,7 +79,7 @@ def test_a_reference_of_the_session_measures_it(calibration, pinocchio_arm, tool
 def test_a_reference_that_carries_more_than_stated_is_doubted(calibration, pinocchio_arm):
     """What it says of the drift is corrected as before."""
     arm, prior = pinocchio_arm, SessionGains.assumed(calibration)
-    session = prior.measured(drifted(arm, True, 82), calibration, arm.chain, arm.transmission, None)
+    session = prior.measured(drifted(arm, True, 82), ConfiguredArm(calibration, arm.chain, arm.transmission), None)
     assert "far more than expected: check that it is of the same day and carried what is stated" in session.origin
 
 
