@@ -62,11 +62,6 @@ class KnownMassCenter:
     parameters: InertialParameters
     covariance: MassCenterCovariance
 
-    @property
-    def values(self) -> FloatArray:
-        """(4,) mass in kg, centre of mass in m."""
-        return self.parameters.values[:4]
-
 
 @dataclass(frozen=True, eq=False)
 class Agreement:
@@ -119,7 +114,7 @@ class LengthNeeded:
 
 def compare_known(judged: KnownMassCenter, measured: KnownMassCenter, tolerance: Tolerance) -> Agreement:
     """Outcome and statistics of a payload judged by an independent measurement of it."""
-    difference = measured.values - judged.values
+    difference = (measured.parameters.values - judged.parameters.values)[:4]
     gains = _held(judged.covariance, measured.covariance)
     covariance, freedom = _difference_covariance(judged.covariance, measured.covariance, gains)
     free = _denominator_freedom(freedom)
