@@ -198,10 +198,9 @@ class Envelope:
             distance_m = float(self.workspace.keep_m - excess * CLEARANCE_SCALE_M)
             nearest[name] = min(nearest.get(name, np.inf), distance_m)
         limit = self.speed
-        slower = {} if limit is None else dict(zip(limit.points.names, -fast * limit.speed_m_s, strict=True))
-        speed_m_s = {name: float(value) for name, value in slower.items()}
+        slower = {} if limit is None else dict(zip(limit.points.names, (-fast * limit.speed_m_s).tolist(), strict=True))
         states = dict(zip(PER_JOINT, [*room, in_torque], strict=True))
-        return LimitMargins(**states, clearance_m=nearest, speed_m_s=speed_m_s)
+        return LimitMargins(**states, clearance_m=nearest, speed_m_s=slower)
 
     @property
     def _first_rows(self) -> tuple[int, int, int]:
