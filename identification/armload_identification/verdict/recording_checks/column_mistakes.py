@@ -24,7 +24,7 @@ load, where friction decides.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
 from typing import Final
@@ -41,13 +41,14 @@ from armload_identification.identification_errors import RecordingError
 from armload_identification.model.base_parameters import base_columns
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.chain import Chain
+from armload_identification.model.joint_states import JointStates
 from armload_identification.model.other_mountings import directions
 from armload_identification.model.regressor import PARAMETERS, body_regressor, rotor_columns
 from armload_identification.model.smooth_sign import smooth_sign
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.signals.motion import Motion
 from armload_identification.signals.recorded_run import Run
-from armload_identification.signals.reversals import reversal_speed, reversal_weights
+from armload_identification.signals.reversals import reversal_speed
 from armload_identification.verdict.decision_levels import ArmFit, FalseAlarms
 from armload_identification.verdict.joint_words import named_joints
 
@@ -244,7 +245,8 @@ def exchanged_columns(run: Motion, chain: Chain, coupling: FloatArray) -> _Excha
     trials: dict[_Exchange, _Correction] = {}
     for joints in (*combinations(moving, 2), *combinations(moving, 1)):
         order = reordered(chain.n, joints, 1)
-        moved = _LinksAndFriction(run, chain, coupling, base, order)
+        reordered_run = replace(run, states=JointStates(*(state @ order.T for state in run.states)))
+        moved = _LinksAndFriction(reordered_run, chain, coupling, base)
         trials[_Exchange(joints, _TORQUES)] = system.trial(order)
         trials[_Exchange(joints, "the positions")] = moved.trial(one)
         trials[_Exchange(joints, "all columns")] = moved.trial(order)
@@ -267,24 +269,15 @@ def reordered(n: int, joints: tuple[int, ...], shift: int) -> FloatArray:
 
 
 class _LinksAndFriction:
-    """Residuals of every motor's column by (11 n,) base parameters; (n, n) `order` of positions."""
+    """Residuals of every motor's column by (11 n,) base parameters."""
 
-    def __init__(
-        self,
-        run: Motion,
-        chain: Chain,
-        coupling: FloatArray,
-        base: NDArray[np.bool_],
-        order: FloatArray | None = None,
-    ) -> None:
+    def __init__(self, run: Motion, chain: Chain, coupling: FloatArray, base: NDArray[np.bool_]) -> None:
         n = chain.n
         usable = np.flatnonzero(run.valid)
         rows = usable[:: max(1, usable.size // ArmFit.rows)]
-        states = run.states if order is None else tuple(state @ order.T for state in run.states)
-        q, dq, ddq = (state[rows] for state in states)
-        speed = states[1]
-        weight, direction = reversal_weights(states[0], speed)[rows], smooth_sign(dq, reversal_speed(speed))
-        torque = run.torque_nm[rows]
+        q, dq, ddq = (state[rows] for state in run.states)
+        direction = smooth_sign(dq, reversal_speed(run.states.velocity_rad_s))
+        weight, torque = run.reversal_weight[rows], run.torque_nm[rows]
         links = body_regressor(chain, q, dq, ddq)[:, :, base[: PARAMETERS * n]]
         rotors = rotor_columns(ddq, coupling).transpose(0, 2, 1)[:, :, base[PARAMETERS * n :]]
         of_friction = np.hstack([direction, dq, np.ones_like(dq)])[:, None, :] * np.tile(np.eye(n), 3)

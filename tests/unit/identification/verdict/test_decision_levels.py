@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from scipy.stats import t
 
 from armload_identification.identification_errors import IdentificationError
+from armload_identification.model.joint_states import JointStates
 from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.model.payload import InertialParameters
 from armload_identification.pipeline.operator_notes import (
@@ -823,20 +825,26 @@ def test_columns_are_exchanged_if_the_residual_is_smaller_by_1_5_of_its_logarith
     """The torques of three joints in a cycle: joint 1 has those of joint 3."""
     cycle = np.eye(3)[[2, 0, 1]]
 
+    @dataclass
+    class Moving:
+        states: JointStates
+        moves = np.ones(3, dtype=bool)
+
     class Fake:
-        def __init__(self, run, chain, coupling, base, order=None):
-            self.order = order if hasattr(chain, "under") else 0
+        def __init__(self, run, chain, coupling, base):
+            self.as_it_is = run is given and hasattr(chain, "under")
 
         def trial(self, columns):
-            if self.order is None and np.array_equal(columns, np.eye(3)):
+            if self.as_it_is and np.array_equal(columns, np.eye(3)):
                 return correction(2.5)
-            return correction(cost if self.order is None and np.array_equal(columns, cycle) else 99.0)
+            return correction(cost if self.as_it_is and np.array_equal(columns, cycle) else 99.0)
 
     monkeypatch.setattr(f"{CHECKS}.column_mistakes._LinksAndFriction", Fake)
     monkeypatch.setattr(f"{CHECKS}.column_mistakes.base_columns", lambda *_: None)
     chain = SimpleNamespace(n=3, gravity_m_s2=np.array([0.0, 0.0, -9.81]))
     chain.under = lambda _: SimpleNamespace(n=3)
-    exchange = exchanged_columns(SimpleNamespace(moves=np.ones(3, dtype=bool)), chain, None)
+    given = Moving(JointStates(*np.ones((3, 1, 3))))
+    exchange = exchanged_columns(given, chain, None)
     assert (exchange is not None) is found
     assert not found or exchange.joints == (0, 1, 2)
 
