@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from armload_identification.estimation.blows import struck_samples
 from armload_identification.estimation.estimation_constants import Solver
 from armload_identification.estimation.problem import Group
-from armload_identification.estimation.term_kinds import Joint, Load, LoadColumns, Motor, Placed, Shared, Term
+from armload_identification.estimation.term_kinds import Joint, Load, LoadColumns, Motor, Placed, Shared
 from armload_identification.float_array import FloatArray
 
 if TYPE_CHECKING:
@@ -234,7 +234,7 @@ def torque_at(rows: ArmRows, terms: Placed, x: FloatArray, coupling: FloatArray)
     shape = rows.effort_nm.shape
     moved = np.zeros(3)
     for law, of_law in _MOVED.items():
-        for _, place in _acting(terms, law):
+        for place in _acting(terms, law):
             moved[of_law] += x[place]
     tau, moved_nm = np.zeros(shape), np.zeros((*shape, 3))
     loads = [(place, term.law.columns(rows)) for term, place in terms if isinstance(term.law, Load)]
@@ -254,7 +254,7 @@ def torque_at(rows: ArmRows, terms: Placed, x: FloatArray, coupling: FloatArray)
     for place, level, rate in motors:
         axis_nm += (level + moved[0] * rate) * x[place]
         motor_rate_nm += rate * x[place]
-    gain = np.exp(sum((x[place] for _, place in _acting(terms, Shared.GAIN)), np.zeros(rows.n)))
+    gain = np.exp(sum((x[place] for place in _acting(terms, Shared.GAIN)), np.zeros(rows.n)))
     return TorqueAt(np.asarray(gain * axis_nm), gain, factor, moved, moved_nm, motor_rate_nm, loads, joints, motors)
 
 
@@ -265,12 +265,12 @@ def torque_derivatives(at: TorqueAt, terms: Placed, coupling: FloatArray) -> Ite
         for place, (level, change) in at.loads
     ]
     for law, of_law in _MOVED.items():
-        whole += [(at.moved_nm[:, :, of_law], place) for _, place in _acting(terms, law)]
+        whole += [(at.moved_nm[:, :, of_law], place) for place in _acting(terms, law)]
     n = at.predicted_nm.shape[1]
     nothing = np.zeros((*at.predicted_nm.shape, 0))
     through = np.concatenate([nothing, *(columns for columns, _ in whole)], axis=2) * at.factor[:, :, None]
     place_through = _indices(place for _, place in whole)
-    delayed = (place_through[:, None] == _indices(place for _, place in _acting(terms, Shared.DELAY))).any(axis=1)
+    delayed = (place_through[:, None] == _indices(_acting(terms, Shared.DELAY))).any(axis=1)
     own = np.concatenate([np.zeros((0, *at.predicted_nm.shape)), *(columns for _, columns, _ in at.joints)])
     starts = _indices(slice(place.start, place.start + n * len(columns), n) for place, columns, _ in at.joints)
     for axis, column in enumerate(coupling.T):
@@ -285,14 +285,14 @@ def torque_derivatives(at: TorqueAt, terms: Placed, coupling: FloatArray) -> Ite
         for place, level, rate in at.motors:
             of_motor = at.gain[axis] * (level + at.moved[0] * rate)[:, axis, None]
             parts.append((of_motor, np.array([place.start + axis])))
-        gains = [place.start + axis for _, place in _acting(terms, Shared.GAIN)]
-        parts += [(at.predicted_nm[:, axis, None], np.array([place])) for place in gains]
+        predicted_nm = at.predicted_nm[:, axis, None]
+        parts += [(predicted_nm, np.array([place.start + axis])) for place in _acting(terms, Shared.GAIN)]
         yield np.hstack([columns for columns, _ in parts]), np.concatenate([place for _, place in parts])
 
 
-def _acting(terms: Placed, law: Shared) -> list[tuple[Term, slice]]:
-    """The terms with a law."""
-    return [(term, place) for term, place in terms if term.law is law]
+def _acting(terms: Placed, law: Shared) -> list[slice]:
+    """Places of the terms with a law."""
+    return [place for term, place in terms if term.law is law]
 
 
 def _indices(places: Iterable[slice]) -> NDArray[np.intp]:
