@@ -60,7 +60,7 @@ def payload_torque(chain: Chain, theta: ArrayLike, q: ArrayLike, dq: ArrayLike, 
     References:
         Chen 2016, eqs. (2), (5).
     """
-    return _of_states(kernels.payload_torque_into, feedforward_model(chain, theta), chain.n, (), (q, dq, ddq))
+    return _of_states(kernels.payload_torque_into, feedforward_model(chain, theta), (chain.n,), q, dq, ddq)
 
 
 def payload_regressor(chain: Chain, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> FloatArray:
@@ -80,7 +80,7 @@ def payload_regressor(chain: Chain, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike)
     References:
         Chen 2016, eqs. (4), (5).
     """
-    return _of_states(kernels.payload_regressor_into, chain.packed, chain.n, (PARAMETERS,), (q, dq, ddq))
+    return _of_states(kernels.payload_regressor_into, chain.packed, (chain.n, PARAMETERS), q, dq, ddq)
 
 
 def body_regressor(chain: Chain, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> FloatArray:
@@ -101,7 +101,7 @@ def body_regressor(chain: Chain, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) ->
     References:
         Chen 2016, eq. (1), the part without friction.
     """
-    return _of_states(kernels.body_regressor_into, chain.packed, chain.n, (PARAMETERS * chain.n,), (q, dq, ddq))
+    return _of_states(kernels.body_regressor_into, chain.packed, (chain.n, PARAMETERS * chain.n), q, dq, ddq)
 
 
 def rotor_columns(ddq: FloatArray, coupling: FloatArray) -> FloatArray:
@@ -119,19 +119,15 @@ def rotor_columns(ddq: FloatArray, coupling: FloatArray) -> FloatArray:
 
 
 def _of_states(
-    kernel: Callable[..., None],
-    packed: FloatArray,
-    n: int,
-    columns: tuple[int, ...],
-    states: tuple[ArrayLike, ArrayLike, ArrayLike],
+    kernel: Callable[..., None], packed: FloatArray, of_one: tuple[int, ...], *states: ArrayLike
 ) -> FloatArray:
-    """(N, n, *columns) that a kernel makes of q, dq, ddq; (n, *columns) of a single sample."""
-    arrays = [np.ascontiguousarray(state, dtype=np.float64) for state in states]
+    """(N, *of_one) that a kernel makes of q, dq, ddq, where `of_one` begins with n; of a single sample without N."""
+    arrays, n = [np.ascontiguousarray(state, dtype=np.float64) for state in states], of_one[0]
     shape = arrays[0].shape
     for name, array in zip(("q", "dq", "ddq"), arrays, strict=True):
         if array.ndim not in (1, 2) or array.shape[-1] != n or array.shape != shape:
             raise ModelError(f"{name} has shape {array.shape}, q has {shape}; expected one shape (N, {n}) or ({n},)")
     rows = [array.reshape(-1, n) for array in arrays]
-    out = np.zeros((len(rows[0]), n, *columns))
+    out = np.zeros((len(rows[0]), *of_one))
     kernel(packed, *rows, out)
     return out[0] if len(shape) == 1 else out
