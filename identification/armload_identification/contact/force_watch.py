@@ -201,7 +201,7 @@ class ForceWatch:
             yield from self._judge(found, base, now_s, due_s, last=not self._looks)
         if self.state is Force.PUSHED and now_s - self._evident_s >= OVER_S:
             ended_s = min(self._push_end_s, self._evident_s)
-            self._resume(payload=True, from_s=self._evident_s + OVER_S)
+            self._resume(base, payload=True, from_s=self._evident_s + OVER_S)
             yield ForceEvent(ForceEventKind.OVER, now_s, ended_s, self._joints)
 
     def _judge(
@@ -211,20 +211,18 @@ class ForceWatch:
         sure = due_s >= PAYLOAD_FROM_S and found.odds > SURE
         likely = sure or (last and self.state is Force.ACTING and found.odds > 0.0)
         if likely and found.evidence > EVIDENCE:
-            self._resume(payload=False, from_s=found.payload_since_s + SETTLED_S)
+            self._resume(base, payload=False, from_s=found.payload_since_s + SETTLED_S)
             yield ForceEvent(ForceEventKind.PAYLOAD, now_s, found.payload_since_s, self._joints, found)
         elif last and self.state is Force.ACTING and found.push_evidence < EVIDENCE:
-            self._resume(payload=True, from_s=base.time_s)
+            self._resume(base, payload=True, from_s=base.time_s)
             yield ForceEvent(ForceEventKind.NOTHING, now_s, self._noticed_s, self._joints)
         elif self.state is Force.ACTING and (found.odds < -PUSH_SURE or last):
             self.state = Force.PUSHED
             yield ForceEvent(ForceEventKind.PUSH, now_s, found.push_s[0], self._joints, found)
 
-    def _resume(self, *, payload: bool, from_s: float) -> None:
-        """Go on with the same payload or another one."""
-        if self._base is not None:
-            self._memory.begin_anew(self._base, payload=payload)
+    def _resume(self, base: RememberedState, *, payload: bool, from_s: float) -> None:
+        """Go on with the same payload or another one, from what was known before it."""
+        self._memory.begin_anew(base, payload=payload)
         self._recent.rows = self._recent.rows.since(from_s)
-        if self._recent.rows.size:
-            self._memory.add(self._recent.rows, self._noise.density)
+        self._memory.add(self._recent.rows, self._noise.density)
         self.state, self._base, self._above = Force.FREE, None, 0
