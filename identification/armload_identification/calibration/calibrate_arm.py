@@ -211,8 +211,7 @@ class _Calibration:
     def _hides_one(self, fit: Posterior) -> bool:
         """Whether any run may make the others quieter by not counting: by a few steps from the fit of all."""
         for index, group in enumerate(fit.problem.groups):
-            (run,) = group.runs
-            silent = Group((replace(run, rows=run.rows.weighted(np.zeros(self._chain.n))),))
+            silent = group.changed(lambda rows: rows.weighted(np.zeros(self._chain.n)))
             groups = [*fit.problem.groups[:index], silent, *fit.problem.groups[index + 1 :]]
             without = solve(replace(fit.problem, groups=groups), rough=True, start=fit, steps=Solver.fresh_steps)
             self._advance()

@@ -251,10 +251,7 @@ class PayloadEstimate:
         """
         problem = self.posterior.problem
         kept = np.arange(problem.noise.start_nm.size) != axis
-        groups = [
-            replace(group, runs=tuple(replace(run, rows=run.rows.weighted(kept)) for run in group.runs))
-            for group in problem.groups
-        ]
+        groups = [group.changed(lambda rows: rows.weighted(kept)) for group in problem.groups]
         start, steps = (None, Solver.steps) if afresh else (self.posterior, 1)
         found = solve(replace(problem, groups=groups), rough=True, start=start, steps=steps)
         covariance = found.bread[self._payload_place, self._payload_place]

@@ -99,10 +99,11 @@ class PayloadProblem:
 
     def between(self, start_s: float, end_s: float) -> PayloadProblem:
         """The problem with the rows from one time up to, not including, another."""
-        groups = []
-        for group in self.problem.groups:
-            kept = (group.time_s >= start_s) & (group.time_s < end_s)
-            groups.append(replace(group, runs=tuple(replace(run, rows=run.rows.only(kept)) for run in group.runs)))
+
+        def part(rows: ArmRows) -> ArmRows:
+            return rows.only((rows.time_s >= start_s) & (rows.time_s < end_s))
+
+        groups = [group.changed(part) for group in self.problem.groups]
         return replace(self, problem=replace(self.problem, groups=groups))
 
 

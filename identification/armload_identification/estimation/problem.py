@@ -5,7 +5,7 @@ The unknowns are laid out in one vector: those that several runs share first, th
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Final
@@ -80,6 +80,10 @@ class Group:
         """The group with another (N, n) axis torque of its first run."""
         first, *others = self.runs
         return replace(self, runs=(replace(first, rows=replace(first.rows, effort_nm=effort_nm)), *others))
+
+    def changed(self, change: Callable[[ArmRows], ArmRows]) -> Group:
+        """The group with other rows of each run."""
+        return replace(self, runs=tuple(replace(run, rows=change(run.rows)) for run in self.runs))
 
     def mixed(self, values: FloatArray) -> FloatArray:
         """(c, N, ...) combinations of the runs' values.
