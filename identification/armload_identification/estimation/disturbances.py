@@ -105,14 +105,14 @@ class Disturbances:
         gradient: (k,) and
         information: (k, k) of them, beside all other unknowns.
         level_nm: (n,) RMS torque of the joints.
-        down: (3,) direction of gravity in the base frame, a unit vector.
+        force_axes: (3, 3) directions of the force's components in the base frame: two sideways, and down.
     """
 
     torque_nm: Sequence[FloatArray]
     gradient: FloatArray
     information: FloatArray
     level_nm: FloatArray
-    down: FloatArray
+    force_axes: FloatArray
 
     @classmethod
     def of(cls, found: Posterior, chain: Chain, body: BodyModel, errors: FloatArray | None = None) -> Disturbances:
@@ -161,7 +161,7 @@ class Disturbances:
         )
         torque_nm = [np.concatenate(both) for both in zip(of_all, of_one, strict=True)]
         level_nm = np.sqrt(np.mean((rows.effort_nm @ np.linalg.inv(body.coupling)) ** 2, axis=0))
-        return cls(torque_nm, *found.beside(*torque_nm, errors=errors), level_nm, _down(chain))
+        return cls(torque_nm, *found.beside(*torque_nm, errors=errors), level_nm, _force_axes(chain))
 
     @cached_property
     def most_certain(self) -> Disturbance | None:
@@ -201,7 +201,7 @@ class Disturbances:
         reach[:, one.place] = own
         pull = self.information[:, one.place] @ error
         if one.of is Disturbed.FORCE:
-            error = error @ _force_axes(self.down)
+            error = error @ self.force_axes
         return Disturbance(one.of, one.joint, error, deviation, reach, pull)
 
     def doubts(self) -> list[FloatArray]:
@@ -287,15 +287,11 @@ def _torque_in_one_run(
     held, unit = (rows.position_rad, still, still), np.eye(1, PARAMETERS)[0]
     tilts = (carried_torque(side, body, theta, *held) for side in sideways(chain))
     away = (rows.position_rad - rows.position_rad.mean(axis=0)) / spread_rad
-    forces = (payload_torque(chain.under(axis), unit, *held) for axis in _force_axes(_down(chain)))
+    forces = (payload_torque(chain.under(axis), unit, *held) for axis in _force_axes(chain))
     return np.stack([*tilts, *(away * joint for joint in np.eye(chain.n)), *forces])
 
 
-def _down(chain: Chain) -> FloatArray:
-    """(3,) direction of gravity."""
-    return np.asarray(chain.gravity_m_s2 / np.linalg.norm(chain.gravity_m_s2))
-
-
-def _force_axes(down: FloatArray) -> FloatArray:
+def _force_axes(chain: Chain) -> FloatArray:
     """(3, 3) directions of force: two sideways, and down."""
+    down = chain.gravity_m_s2 / np.linalg.norm(chain.gravity_m_s2)
     return np.stack([*tilt_axes(down), down])

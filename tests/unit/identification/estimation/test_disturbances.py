@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from armload_identification.estimation.base_tilt import tilt_axes
 from armload_identification.estimation.disturbances import Disturbances, Disturbed
 from armload_identification.estimation.payload_problem import single_problem
 from armload_identification.estimation.solve import solve
@@ -131,7 +132,9 @@ def errors(values, deviation, across=()):
     x = np.zeros(COUNT)
     x[list(values)] = list(values.values())
     torque = np.random.default_rng(1).normal(size=(COUNT, 4, JOINTS))
-    return Disturbances([torque], information @ x, information, np.full(JOINTS, 50.0), np.array([0.0, 0.0, -1.0]))
+    down = np.array([0.0, 0.0, -1.0])
+    axes = np.stack([*tilt_axes(down), down])
+    return Disturbances([torque], information @ x, information, np.full(JOINTS, 50.0), axes)
 
 
 @pytest.mark.parametrize(
