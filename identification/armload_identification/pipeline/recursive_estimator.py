@@ -164,7 +164,6 @@ class PayloadEstimator:
         with threadpool_limits(1, "blas"):  # for matrices this small several threads take 20 times as long
             constants = estimator_constants(calibration, chain, transmission, memory_s)
             self._chain = calibration.level(chain)
-            self._arm = calibration.known_arm
         self._parameter = constants.parameter
         self._kernel = kernels.PayloadEstimator(self._chain.packed, *constants)
         self._memory_s = memory_s
@@ -245,8 +244,8 @@ class PayloadEstimator:
             return np.zeros((0, 10)), session
         q, dq, ddq, tau = (np.ascontiguousarray(part) for part in np.split(rows[:, 1:], 4, axis=1))
         faded = np.exp((rows[:, :1] - rows[-1, 0]) / (2.0 * self._memory_s))
-        states = JointStates(q, dq, ddq)
-        seen = KnownArmRows.of(self._chain, self._arm, states, theta, self._parameter[kernels.ESTIMATOR_NOISE] / faded)
+        states, noise_nm = JointStates(q, dq, ddq), self._parameter[kernels.ESTIMATOR_NOISE]
+        seen = KnownArmRows.of(self._chain, self.calibration.known_arm, states, theta, noise_nm / faded)
         # The errors are independent combinations of the unknowns, whose few effects on the payload are combined.
         changes = self.calibration.torque_changes(self._chain, states, _ROWS_PER_SENSITIVITY * ROW_S, tau)
         errors, response = self.calibration.independent_errors, seen.shifts(changes, _ROWS_PER_SENSITIVITY)
