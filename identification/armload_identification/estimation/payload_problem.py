@@ -63,6 +63,7 @@ HELD: Final = 1e-6
 
 
 _GAINS: Final = ((GAIN, EMPTY),)
+_TODAY: Final = "the spread between the calibration's runs, and a cold arm"
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,8 +131,12 @@ def pair_problem(
             groups.append(_slow_group(slow, window, layout))
             differences.append((slow, window))
     noise = _sampled_noise(effort_level(rows), differences, coupling)
-    terms = _unknown_arm(rows, layout) if arm is None else _known_arm(rows, layout, arm)
-    problem = Problem(terms, groups, noise, coupling, [] if arm is None else [arm.known])
+    if arm is None:
+        terms = arm_terms(rows, layout, {GAIN: np.full(chain.n, np.inf), TILT: np.full(2, LEVELLED_RAD)})
+    else:
+        terms = [*_known_arm(rows, chain, arm), session_friction(arm.friction_spread.ravel(), _TODAY)]
+    own = friction_change(effort_level(rows), layout.peak_rad_s, WITHIN_HOURS, Priors.within_hours_freedom)
+    problem = Problem([*terms, own], groups, noise, coupling, [] if arm is None else [arm.known])
     found = PayloadProblem(problem, layout, signal.loaded.interval_s)
     return found.with_gains(np.zeros((chain.n, chain.n))) if arm is None else found
 
@@ -190,7 +195,8 @@ def single_problem(run: Motion, chain: Chain, coupling: FloatArray, arm: KnownAr
     rows = layout.rows(run, loaded=True)
     noise = Noise(arm.noise_nm, arm.noise_nm, effort_level([rows]) + arm.noise_nm)
     group = Group((RunRows(rows, PAYLOAD),))
-    problem = Problem(_known_arm([rows], layout, arm), [group], noise, coupling, [arm.known])
+    terms = [*_known_arm([rows], chain, arm), own_friction(arm.friction_spread.ravel(), _TODAY)]
+    problem = Problem(terms, [group], noise, coupling, [arm.known])
     return PayloadProblem(problem, layout, run.interval_s)
 
 
@@ -201,19 +207,7 @@ def _layout(runs: Sequence[Motion], chain: Chain, coupling: FloatArray, arm: Kno
     return ArmLayout.of(runs, chain, coupling)
 
 
-def _unknown_arm(rows: Sequence[ArmRows], arm: ArmLayout) -> list[Term]:
-    """Terms of an arm of which only kinematics and nominal gains are known."""
-    terms = arm_terms(rows, arm, {GAIN: np.full(arm.chain.n, np.inf), TILT: np.full(2, LEVELLED_RAD)})
-    return [*terms, friction_change(effort_level(rows), arm.peak_rad_s, WITHIN_HOURS, Priors.within_hours_freedom)]
-
-
-def _known_arm(rows: Sequence[ArmRows], layout: ArmLayout, arm: KnownArm) -> list[Term]:
-    """Terms of a calibrated arm."""
-    body = wide_payload(rows, layout.chain)
-    today = arm.friction_spread.ravel()
-    origin = "the spread between the calibration's runs, and a cold arm"
-    terms = [*arm.terms, recorder_delay(), session_load_friction(arm.load_friction_spread, origin), body]
-    if len(rows) == 1:
-        return [*terms, own_friction(today, origin)]
-    own = friction_change(effort_level(rows), layout.peak_rad_s, WITHIN_HOURS, Priors.within_hours_freedom)
-    return [*terms, session_friction(today, origin), own]
+def _known_arm(rows: Sequence[ArmRows], chain: Chain, arm: KnownArm) -> list[Term]:
+    """Terms of a calibrated arm and of its payload, without friction of this session and of single runs."""
+    load_friction = session_load_friction(arm.load_friction_spread, _TODAY)
+    return [*arm.terms, recorder_delay(), load_friction, wide_payload(rows, chain)]
