@@ -18,7 +18,6 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from armload_identification.calibration.calibration_result import FEWEST_SESSIONS, ArmCalibration
-from armload_identification.estimation.arm_terms import GAIN
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.estimation.estimation_constants import Drift
 from armload_identification.estimation.payload_intervals import NORMAL_HALF_WIDTH, ONE_SIDED
@@ -164,9 +163,7 @@ class SessionGains:
 
     def arm(self, known: KnownArm) -> KnownArm:
         """The arm with the factor's error as one of its independent errors."""
-        size = known.errors.shape[1]
-        gains = next(term.mean.size for term in known.terms if term.name == GAIN)
-        error: FloatArray = np.where(np.arange(size) < gains, self.deviation, 0.0)
+        error: FloatArray = np.where(np.arange(known.errors.shape[1]) < known.body.n, self.deviation, 0.0)
         return replace(known, errors=np.vstack([known.errors, error]))
 
 

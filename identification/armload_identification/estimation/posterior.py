@@ -72,8 +72,7 @@ class Posterior:
 
         A few runs of one hour say little about other days.
         """
-        own = self.problem.own(0)
-        own = slice(own.start, own.start + self.problem.own_size)
+        own = slice(self.problem.shared_size, self.problem.shared_size + self.problem.own_size)
         return np.maximum(self.deviation[own], self.problem.prior(self.x)[1][own])
 
     @cached_property

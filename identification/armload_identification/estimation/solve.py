@@ -119,8 +119,7 @@ class _Solver:
     def start_from(self, other: Posterior) -> None:
         """Take the unknowns, noise and adapted priors of another solution of the same rows."""
         self._x, self._noise, self._correlation = other.x.copy(), other.noise_nm.copy(), other.correlation.copy()
-        own = self._shared
-        self._deviation[own:] = other.deviation[own:]
+        self._deviation[self._shared :] = other.deviation[self._shared :]
         self._adapted()
         for state, before in zip(self._groups, other.groups, strict=True):
             state.struck, state.trust = before.struck, before.trust
@@ -154,14 +153,13 @@ class _Solver:
 
     def weigh(self, *, rough: bool) -> None:
         """Update noise, its autocorrelation, blows, and the weights of groups; with `rough`, priors as shares."""
-        noise = self._problem.noise
         parts: list[list[tuple[GroupState, FloatArray]]] = [[] for _ in self._noise]
         for state in self._groups:
             for own, residual in zip(parts[state.group.noises], state.weighted_nm, strict=True):
                 own.append((state, residual))
         for combination, axis in np.ndindex(self._noise.shape):
             self._weigh_axis(combination, axis, parts[combination])
-        if noise.robust:
+        if self._problem.noise.robust:
             for state in self._groups:
                 state.judge(self._noise, blows=not rough)
         if rough:
