@@ -6,7 +6,7 @@ the power is the same on both sides, tau_joint = C^-T tau_axis.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -92,13 +92,8 @@ class Transmission:
             gain if (np.abs(np.log(gain / own)) < ReportedTorque.same_quantity).all() else own
             for own in (self.gain_nm_a, self.torque_gain)
         )
-        return Transmission(
-            of_current,
-            self.coupling,
-            np.ones(gain.size, dtype=bool),
-            covariance=covariance,
-            torque_gain=of_torque,
-        )
+        held = np.ones(gain.size, dtype=bool)
+        return replace(self, gain_nm_a=of_current, torque_gain=of_torque, calibrated=held, covariance=covariance)
 
     def changed_by(self, log_gain: FloatArray) -> FloatArray:
         """Matrix M such that a joint torque tau with these gains is tau M with others.
