@@ -62,10 +62,8 @@ class PayloadVerdict:
 
 def known_payload(result: PayloadResult) -> KnownMassCenter:
     """Mass and centre of mass of a payload file; the covariance from its intervals if the file has none."""
-    covariance = result.mass_center
-    if covariance is None:
-        covariance = MassCenterCovariance.from_intervals(result.interval_95[:4], result.model.mass_kg)
-    return KnownMassCenter(result.model, covariance)
+    known = result.mass_center or MassCenterCovariance.from_intervals(result.interval_95[:4], result.model.mass_kg)
+    return KnownMassCenter(result.model, known)
 
 
 def with_gains(known: KnownMassCenter, gain: FloatArray, covariance: FloatArray) -> KnownMassCenter:
