@@ -47,12 +47,10 @@ def finite_array(
         raise error(f"{name} has shape {array.shape}; expected {wanted}")
     if not (good := np.isfinite(array)).all():
         raise error(f"{name} contains a number that is not finite: {_shown(array, good)}")
-    if above is not None and not (good := array > above).all():
-        raise error(f"{name} is {_shown(array, good)}; expected numbers above {above:g}")
-    if least is not None and not (good := array >= least).all():
-        raise error(f"{name} is {_shown(array, good)}; expected numbers of at least {least:g}")
-    if below is not None and not (good := array < below).all():
-        raise error(f"{name} is {_shown(array, good)}; expected numbers below {below:g}")
+    bounds = (above, np.greater, "above"), (least, np.greater_equal, "of at least"), (below, np.less, "below")
+    for bound, keeps, words in bounds:
+        if bound is not None and not (good := keeps(array, bound)).all():
+            raise error(f"{name} is {_shown(array, good)}; expected numbers {words} {bound:g}")
     return array
 
 
