@@ -116,8 +116,7 @@ class BodyModel(LinksAndDrives):
         if payload_nm is not None:
             carried = carried + payload_nm
         direction = smooth_sign(dq, self.reversal_speed_rad_s)
-        friction = self.coulomb_nm + self.load_friction * np.abs(carried)
-        friction = friction + self.root_nm * np.sqrt(np.abs(dq))
+        friction = self.coulomb_nm + self.load_friction * np.abs(carried) + self.root_nm * np.sqrt(np.abs(dq))
         rotors = ddq @ self.rotor_mass_kg_m2
         return np.asarray(carried + rotors + direction * friction + self.viscous_nm_s_rad * dq + self.offset_nm)
 
