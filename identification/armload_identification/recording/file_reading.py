@@ -108,12 +108,9 @@ class _Reading:
         reduction: Reduction | None = None
         for rows in self._selected_rows():
             size += rows.size
-            if reduction is not None:
-                reduction.add(rows)
-                continue
             kept.append(rows)
             if size > short_rows:
-                reduction = reduction_of()
+                reduction = reduction or reduction_of()
                 while kept:
                     reduction.add(kept.pop(0))
         if self.between_s is not None and self.start_s is not None and not size:
