@@ -208,14 +208,11 @@ def _reasons_to_drop(rows: RowBlock, interval_s: float | None) -> tuple[NDArray[
     suspect = {
         name: values for name, values in measured.items() if not np.abs(values).max(initial=0.0) <= _ABSURD[name]
     }
-    finite = np.isfinite(rows.time_s)
+    drop(~np.isfinite(rows.time_s), "not finite")
     for values in suspect.values():
-        finite &= np.isfinite(values).all(axis=1)
-    drop(~finite, "not finite")
-    absurd = np.zeros(kept.size, dtype=bool)
+        drop(~np.isfinite(values[kept]).all(axis=1), "not finite")
     for name, values in suspect.items():
-        absurd |= (np.abs(values[kept]) > _ABSURD[name]).any(axis=1)
-    drop(absurd, "impossible value")
+        drop((np.abs(values[kept]) > _ABSURD[name]).any(axis=1), "impossible value")
     time_s = rows.time_s
     again = np.diff(time_s[kept], prepend=np.nan) == 0.0
     for values in measured.values() if again.any() else ():
