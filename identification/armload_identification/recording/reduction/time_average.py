@@ -46,9 +46,8 @@ class TimeAverager(Reduction):
     def __init__(self, excitation: Excitation | None, most_means: int = MOST_MEANS) -> None:
         super().__init__(_LEARNT_FROM)
         self._excitation, self._most_means = excitation, most_means
-        self._open: RowBlock | None = None
+        self._open: list[RowBlock] = []
         self._means: list[RowBlock] = []
-        self._size = 0
 
     def _used(self, rows: RowBlock) -> RowBlock:
         """All rows, without the velocity."""
@@ -64,18 +63,17 @@ class TimeAverager(Reduction):
 
     def _reduce(self, rows: RowBlock) -> None:
         """Average the completed intervals."""
-        rows = rows if self._open is None else joined([self._open, rows])
+        rows = joined([*self._open, rows])
         number = self._interval_number(rows)
         # Only pairs of intervals are closed, so that pairs can be merged at any time.
         closed = int(np.searchsorted(number, number[-1] - number[-1] % 2))
-        self._open = rows.rows(slice(closed, None))
+        self._open = [rows.rows(slice(closed, None))]
         if closed:
-            self._collect(self._means_of(rows.rows(slice(0, closed))))
+            self._collect(rows.rows(slice(0, closed)))
 
     def _reduced(self, source: RecordingSource, repeats: RepeatedValues | None) -> Recording:
         """The means as rows."""
-        if self._open is not None:
-            self._collect(self._means_of(self._open))
+        self._collect(joined(self._open))
         rows = _at_their_times(joined(self._means), self._width_s, (1.0 - self._samples**-2.0) / 24.0)
         return Recording(**vars(rows), excitation=self._excitation, source=source, repeats=repeats)
 
@@ -83,22 +81,16 @@ class TimeAverager(Reduction):
         """Number of each row's interval."""
         return np.floor((rows.time_s - self._start_s) / self._width_s)
 
-    def _collect(self, means: RowBlock) -> None:
-        """Add to the means; merge pairs if there are too many."""
-        self._means.append(means)
-        self._size += means.size
-        while self._size > self._most_means:
+    def _collect(self, rows: RowBlock) -> None:
+        """Add the means of the rows' intervals; merge pairs if there are too many."""
+        if self._samples > 1:
+            rows = _averaged(rows, self._interval_number(rows), _FEWEST_SHARE * self._samples)
+        self._means.append(rows)
+        while sum(means.size for means in self._means) > self._most_means:
             rows = joined(self._means)
             self._means = [_averaged(rows, self._interval_number(rows) // 2.0, 1.0)]
-            self._size = self._means[0].size
             self._width_s *= 2.0
             self._samples *= 2
-
-    def _means_of(self, rows: RowBlock) -> RowBlock:
-        """Means of the rows' intervals."""
-        return (
-            rows if self._samples == 1 else _averaged(rows, self._interval_number(rows), _FEWEST_SHARE * self._samples)
-        )
 
 
 def _averaged(rows: RowBlock, number: FloatArray, fewest: float) -> RowBlock:
