@@ -7,6 +7,7 @@ unpickled.
 
 from __future__ import annotations
 
+import math
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -73,12 +74,9 @@ class NumpyReader(RecordingReader):
                 rows = min(BLOCK_ROWS, shape[0] - first)
                 account.rows_read += rows
                 block: dict[str, FloatArray] = {}
-                for quantity, stream in streams.items():
-                    columns = () if quantity == "time_s" else (shape[1],)
-                    kind = kinds[quantity][1]
-                    size = rows * int(np.prod(columns, dtype=np.int64)) * kind.itemsize
-                    values = np.frombuffer(stream.read(size), dtype=kind)
-                    block[quantity] = values.reshape(rows, *columns).astype(np.float64)
+                for quantity, ((_, *columns), kind) in kinds.items():
+                    numbers = streams[quantity].read(rows * math.prod(columns) * kind.itemsize)
+                    block[quantity] = np.frombuffer(numbers, dtype=kind).reshape(rows, *columns).astype(np.float64)
                 yield RowBlock(**block)
 
 
