@@ -117,13 +117,11 @@ class ParquetReader(RecordingReader):
         """The columns in the unit that the positions of a LeRobot data set must have, as it does not state one."""
         places = JointNames(self._options.joint_names).places(columns.joint_names)
         chosen = [places[joint] for joint in sorted(places)]
-        ranges = []
-        for batch in self._batches([position]):
-            values = _numbers(batch.column(0))[:, chosen]
-            ranges.append(np.stack([values.min(axis=0), values.max(axis=0)], axis=1))
-        if not ranges or not chosen:
+        parts = (_numbers(batch.column(0))[:, chosen] for batch in self._batches([position]))
+        ends = [(values.min(axis=0), values.max(axis=0)) for values in parts]
+        if not ends or not chosen:
             return columns
-        low, high = np.min(ranges, axis=0)[:, 0], np.max(ranges, axis=0)[:, 1]
+        low, high = np.min(ends, axis=(0, 1)), np.max(ends, axis=(0, 1))
         least, most = np.clip(limits_rad[sorted(places)], -2.0 * np.pi, 2.0 * np.pi).T
 
         def within(unit_rad: float) -> bool:
