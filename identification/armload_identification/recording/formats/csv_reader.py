@@ -115,9 +115,7 @@ class _Layout:
         """(rows, columns) wanted numbers, and the number of lines that contain text instead."""
         if not lines:
             return np.empty((0, len(self._wanted))), 0
-        times: dict[int | str, Callable[[str], float]] | None = None
-        if self._stamped:
-            times = {self._wanted[0]: seconds_of_stamp}
+        times: dict[int | str, Callable[[str], float]] = {self._wanted[0]: seconds_of_stamp} if self._stamped else {}
         with suppress(ValueError):
             return np.loadtxt(lines, delimiter=",", usecols=self._wanted, ndmin=2, comments=None, converters=times), 0
         rows = []
