@@ -194,9 +194,8 @@ class _Header:
         plain = [one for one in plain if quantity == "current_a" or not one.words & _OTHER_SIDE]
         best = max((one.preferred for one in plain), default=None)
         plain = [one for one in plain if one.preferred == best]
-        if not matters and (len(plain) != 1 or len(set(plain[0].factors)) > 1 or plain[0].factors[0] is None):
-            return None
-        if not found:
+        doubtful = len(plain) != 1 or len(set(plain[0].factors)) > 1 or plain[0].factors[0] is None
+        if not found or (doubtful and not matters):
             return None
         first = (plain or found)[0]
         places = first.twice or [next(iter(one.places.values())) for one in (plain or found)[:2]]
@@ -270,9 +269,8 @@ class _Header:
         n = len(self._arm.names) or (len(self._names) - 1) // 2
         if not likely:
             places = [place for place in range(len(self._names)) if place != (self._time or [0])[0]]
-            for quantity, start in (("position_rad", 0), ("torque_nm", n)):
-                group: dict[int | str, int] = dict(enumerate(places[start : start + n]))
-                likely[quantity] = _Series(quantity, frozenset(), group, (), (1.0,), (True, True))
+            groups = {"time_s": self._time or [0], "position_rad": places[:n], "torque_nm": places[n : 2 * n]}
+            return CsvColumns(groups, {"time_s": self._time_factor}).option(self._names)
         return self._as_columns(likely).option(self._names)
 
     def _times(self) -> tuple[list[int], float]:
@@ -328,10 +326,8 @@ class _Header:
     def _by_label(self) -> list[_Series]:
         """The series whose columns are told apart by any words."""
         labels = [column.label for _, column in self._measured if column.quantity == "position_rad"]
-        same = (
-            takewhile(lambda words: len(set(words)) == 1, zip(*labels, strict=False)) if len(labels) >= _NEEDED else ()
-        )
-        shared = min([len(list(same)), *(len(label) - 1 for label in labels)], default=0)
+        same = list(takewhile(lambda words: len(set(words)) == 1, zip(*labels, strict=False)))
+        shared = min([len(same) if len(labels) >= _NEEDED else 0, *(len(label) - 1 for label in labels)])
         named = [(place, column, "_".join(column.label[shared:])) for place, column in self._measured]
         return _series([((c.quantity, c.by), label, place, c, True) for place, c, label in named if label], _NEEDED)
 
