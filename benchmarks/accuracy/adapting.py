@@ -115,7 +115,7 @@ def recording(robot: Robot, followed: Followed, name: str) -> Recording:
         torque_nm=None if with_current is not None else followed.effort,
         phase_s=None,
         excitation=None,
-        source=RecordingSource(Path(name), name, "mcap", len(followed.time_s), 0, {}),
+        source=RecordingSource(Path(name), name, "mcap", len(followed.time_s), {}),
     )
 
 

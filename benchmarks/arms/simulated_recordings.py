@@ -132,5 +132,5 @@ def record(
         torque_nm=torque_nm,
         phase_s=np.where(phase_s > 0.0, phase_s, np.nan),
         excitation=Excitation(period.trajectory, periods),
-        source=RecordingSource(Path(name), name, "mcap", samples, 0, {}),
+        source=RecordingSource(Path(name), name, "mcap", samples, {}),
     )

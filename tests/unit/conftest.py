@@ -155,7 +155,6 @@ def source(data: np.ndarray, name: str) -> RecordingSource:
         sha256=hashlib.sha256(data.tobytes()).hexdigest(),
         kind="mcap",
         rows_read=len(data),
-        rows_dropped=0,
         reasons={},
     )
 

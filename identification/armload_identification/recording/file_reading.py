@@ -122,14 +122,12 @@ class _Reading:
         account = self.account
         outside = Counter({"outside `between_s=`": self.outside})
         self.garbage.require_enough(size, account.rows_read, account.reasons + outside)
-        reasons = dict(account.reasons + self.garbage.reasons)
         found = ("sha256", "rows_read", "truncated", "joint_names", "remarks")
         source = RecordingSource(
             **{name: getattr(account, name) for name in found},
             path=self.garbage.path,
             kind=self.reader.kind,
-            rows_dropped=sum(reasons.values()),
-            reasons=reasons,
+            reasons=dict(account.reasons + self.garbage.reasons),
             attachments=dict(self.reader.attachments),
             between_s=self.between_s,
         )

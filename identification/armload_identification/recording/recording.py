@@ -34,7 +34,6 @@ class RecordingSource:
         sha256: Hash of the file, or of the arrays.
         kind: Name of the format, such as "mcap" or "csv"; "arrays" without a file.
         rows_read: Number of rows found, valid or not.
-        rows_dropped: Number of rows dropped.
         reasons: Number of rows dropped, by reason.
         attachments: Text of the attachments by name.
         truncated: Whether the file ends in the middle of a record; everything before was read.
@@ -48,7 +47,6 @@ class RecordingSource:
     sha256: str
     kind: str
     rows_read: int
-    rows_dropped: int
     reasons: Mapping[str, int]
     attachments: Mapping[str, str] = field(default_factory=dict)
     truncated: bool = False
@@ -56,6 +54,11 @@ class RecordingSource:
     ignored_joints: tuple[str, ...] = ()
     between_s: tuple[float, float] | None = None
     remarks: tuple[str, ...] = ()
+
+    @property
+    def rows_dropped(self) -> int:
+        """Number of rows dropped."""
+        return sum(self.reasons.values())
 
     def run(self) -> dict[str, Any]:
         """The `run.json` attachment; empty without one.
@@ -238,9 +241,7 @@ class Recording(RowBlock):
         kept = joined(list(garbage.valid([rows])))
         garbage.require_enough(kept.size, rows.size, {})
         reasons = dict(garbage.reasons)
-        source = RecordingSource(
-            Path(name), hash_of(arrays), "arrays", rows.size, sum(reasons.values()), reasons, joint_names=names
-        )
+        source = RecordingSource(Path(name), hash_of(arrays), "arrays", rows.size, reasons, joint_names=names)
         return cls(**vars(kept), excitation=excitation, source=source)
 
 

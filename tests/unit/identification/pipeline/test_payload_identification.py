@@ -232,7 +232,7 @@ def test_only_three_joints(pinocchio_arm):
 
 def test_dropped_rows_and_cut_files_are_reported(pair, pinocchio_arm):
     loaded, unloaded = pair
-    loaded = with_source(loaded, rows_read=1510, rows_dropped=10, reasons={"not finite": 4, "truncated last row": 6})
+    loaded = with_source(loaded, rows_read=1510, reasons={"not finite": 4, "truncated last row": 6})
     unloaded = with_source(unloaded, truncated=True)
     notes = " ".join(identify_runs(loaded, unloaded, pinocchio_arm.chain, pinocchio_arm.transmission).notes)
     assert "loaded recording: 10 of 1510 rows dropped (4 not finite, 6 truncated last row)." in notes

@@ -222,7 +222,7 @@ def test_means_become_longer_where_there_are_too_many(interval_s):
     edges = [0, *np.sort(rng.choice(np.arange(1, rows.size), 40, replace=False)), rows.size]
     for first, end in itertools.pairwise(edges):
         averager.add(rows.rows(slice(first, end)))
-    kept = averager.recording(RecordingSource(Path("x"), "", "made", 0, 0, {}))
+    kept = averager.recording(RecordingSource(Path("x"), "", "made", 0, {}))
     assert 300 <= kept.size <= 600
     width = float(np.median(np.diff(kept.time_s)))
     assert width == pytest.approx(max(interval_s, 0.01) * 2.0 ** round(np.log2(width / max(interval_s, 0.01))))
@@ -252,7 +252,7 @@ def test_means_do_not_depend_on_where_the_first_block_ends():
         averager = TimeAverager(None)
         for first, end in itertools.pairwise(edges):
             averager.add(rows.rows(slice(first, end)))
-        kept.append(averager.recording(RecordingSource(Path("x"), "", "made", 0, 0, {})))
+        kept.append(averager.recording(RecordingSource(Path("x"), "", "made", 0, {})))
     whole, *others, shortest = kept
     assert whole.size == 500
     for other in others:
@@ -264,7 +264,7 @@ def test_means_do_not_depend_on_where_the_first_block_ends():
 def test_means_that_are_too_long_for_the_motion_are_refused(pinocchio_arm):
     time_s = 0.1 * np.arange(30_000)
     position = np.outer(np.sin(time_s / 0.15), np.full(6, 0.3))
-    source = RecordingSource(Path("shift.csv"), "", "csv", 0, 0, {})
+    source = RecordingSource(Path("shift.csv"), "", "csv", 0, {})
     repeats = repeated_values(position, position)
     run = Recording(time_s=time_s, position_rad=position, current_a=position, source=source, repeats=repeats)
     with pytest.raises(

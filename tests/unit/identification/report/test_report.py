@@ -413,9 +413,7 @@ def test_how_late_the_cycles_were_is_stated_if_recorded(clear):
 
 
 def test_dropped_rows_and_further_recordings_are_listed(clear, without_curves):
-    lossy = replace(
-        clear.sources[0], rows_dropped=3, reasons={"not finite": 2, "truncated last row": 1}, truncated=True
-    )
+    lossy = replace(clear.sources[0], reasons={"not finite": 2, "truncated last row": 1}, truncated=True)
     about = subject(clear)
     more = {"loaded_validation.mcap": "d" * 64}
     about = replace(

@@ -21,7 +21,7 @@ ARM = SimpleNamespace(name="er50", description="an arm", joint_names=("base", "e
 
 def recorded(name, run=""):
     return RecordingSource(
-        Path(name), f"hash of {name}", "mcap", 9, 0, {}, attachments={RUN_ATTACHMENT: run} if run else {}
+        Path(name), f"hash of {name}", "mcap", 9, {}, attachments={RUN_ATTACHMENT: run} if run else {}
     )
 
 

@@ -71,7 +71,7 @@ def test_what_is_special_is_said(changes, word, said):
 
 
 def test_rows_that_were_left_out_are_counted_by_reason():
-    source = replace(RUN.source, rows_dropped=3, reasons={"not finite": 2, "repeated": 1}, truncated=True)
+    source = replace(RUN.source, reasons={"not finite": 2, "repeated": 1}, truncated=True)
     survey = facts(replace(RUN, source=source))
     assert line(survey, "rows") == "21, 3 left out (2 not finite, 1 repeated)"
     assert line(survey, "format") == "csv, cut short"

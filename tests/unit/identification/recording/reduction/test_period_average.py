@@ -20,7 +20,7 @@ pytestmark = pytest.mark.pure
 PERIOD_S, STEP_S, PERIODS = 2.0, 0.02, 4
 PHASES = round(PERIOD_S / STEP_S)
 PATH = Path("long.mcap")
-SOURCE = RecordingSource(PATH, "0" * 64, "mcap", 1, 0, {})
+SOURCE = RecordingSource(PATH, "0" * 64, "mcap", 1, {})
 EXCITATION = Excitation(
     FourierTrajectory(1.0 / PERIOD_S, np.zeros(2), 0.3 * np.ones((2, 2)), np.zeros((2, 2))), PERIODS
 )

@@ -13,7 +13,7 @@ from armload_identification.recording.row_block import RowBlock
 
 pytestmark = pytest.mark.pure
 
-SOURCE = RecordingSource(Path("long.csv"), "0" * 64, "csv", 1, 0, {})
+SOURCE = RecordingSource(Path("long.csv"), "0" * 64, "csv", 1, {})
 
 
 def rows(count, step_s=0.001, path=np.square, keep=None):
