@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import RecordingError
+from armload_identification.numerals import counted
 from armload_identification.recording.garbage_rows import GarbageFilter
 from armload_identification.recording.joint_names import JointNames
 from armload_identification.recording.reduction.repeated_values import RepeatedValues
@@ -133,9 +134,8 @@ class Recording(RowBlock):
         elif self.repeats is not None:
             notes.append("means over short times")
         noted = f" ({', '.join(notes)})" if notes else ""
-        joints = f"{self.n} joint" if self.n == 1 else f"{self.n} joints"
         recorded = ", ".join(name for name in QUANTITIES if getattr(self, name) is not None)
-        return f"{source.path}: {joints}, {lasts_s:.4g} s, {self.size} rows{noted} of {recorded}"
+        return f"{source.path}: {counted(self.n, 'joint')}, {lasts_s:.4g} s, {self.size} rows{noted} of {recorded}"
 
     def joints(self, chosen: Sequence[int]) -> Recording:
         """The same run with some of its joints, in a given order.
@@ -260,10 +260,8 @@ def check_joints(recording: Recording, n: int) -> None:
 
 def hashes_by_name(sources: Sequence[RecordingSource]) -> dict[str, str]:
     """Hash by file name, with the folder or the hash in front if several have the same name."""
-    paths = [source.path for source in sources]
-    hashes = [source.sha256 for source in sources]
-    folders = [f"{path.parent.name}/{path.name}" for path in paths]
-    names = [path.name for path in paths]
-    named = [f"{sha256[:8]} {name}" for sha256, name in zip(hashes, names, strict=True)]
+    names = [source.path.name for source in sources]
+    folders = [f"{source.path.parent.name}/{source.path.name}" for source in sources]
+    named = [f"{source.sha256[:8]} {source.path.name}" for source in sources]
     unique = next((each for each in (names, folders) if len(set(each)) == len(each)), named)
-    return dict(zip(unique, hashes, strict=True))
+    return {name: source.sha256 for name, source in zip(unique, sources, strict=True)}
