@@ -162,7 +162,8 @@ class PhaseAdvance:
 
     def time_at(self, phase: FloatArray) -> FloatArray:
         """Times on the first stretch's line."""
-        return self._stretches[0].time_at(phase, self.rate)
+        first = self._stretches[0]
+        return np.asarray(first.time_s + self.rate * (phase - first.phase_s))
 
     def _uneven_s(self) -> float:
         """Greatest distance of a time stamp from its stretch's line."""
@@ -203,10 +204,6 @@ class _EvenStretch:
         off = (time_s - mean_time) - (rate or 1.0) * centred
         self.extremes += [(float(phase[row]), float(time_s[row])) for row in (np.argmin(off), np.argmax(off))]
         return rate
-
-    def time_at(self, phase: FloatArray, rate: float) -> FloatArray:
-        """Times on the line."""
-        return np.asarray(self.time_s + rate * (phase - self.phase_s))
 
     def uneven_s(self, rate: float) -> float:
         """Greatest distance of a time stamp from the line."""
