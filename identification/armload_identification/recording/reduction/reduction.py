@@ -59,7 +59,7 @@ class Reduction(ABC):
         """
         if self._first is not None:
             self._begin(self._first)
-        return self._reduced(source, None if self._repeats is None else self._repeats.result())
+        return self._reduced(source, None if self._repeats is None else self._repeats.found)
 
     def _begin(self, first: list[RowBlock]) -> None:
         """Learn from the first rows, and reduce them."""

@@ -66,10 +66,14 @@ def _stretch(position: FloatArray, before: _Stretch | None) -> _Stretch:
 
 
 class RepeatCounter:
-    """Counts repetitions block by block."""
+    """Counts repetitions block by block.
+
+    Attributes:
+        found: The repetitions counted so far.
+    """
 
     def __init__(self, n: int) -> None:
-        self._found = RepeatedValues(*np.zeros((6, n)))
+        self.found = RepeatedValues(*np.zeros((6, n)))
         self._last, self._length = np.full(n, np.nan), np.zeros(n)
         self._open: list[_Stretch | None] = [None] * n
 
@@ -80,7 +84,7 @@ class RepeatCounter:
             values: (N, n) the next samples, N at least 1.
             position: (N, n) positions of the joints.
         """
-        found = self._found
+        found = self.found
         for signal, column in enumerate(values.T):
             starts = np.concatenate([[0], np.flatnonzero(np.diff(column) != 0.0) + 1])
             ends = np.append(starts[1:], column.size)
@@ -109,10 +113,6 @@ class RepeatCounter:
             found.at_bound[signal] = max(found.at_bound[signal], lengths[high].max(initial=1.0) - 1.0)
             found.elsewhere[signal] = max(found.elsewhere[signal], lengths[~high].max(initial=1.0) - 1.0)
 
-    def result(self) -> RepeatedValues:
-        """The repetitions counted so far."""
-        return self._found.joints(np.arange(self._last.size))
-
 
 def repeated_values(values: FloatArray, position: FloatArray) -> RepeatedValues:
     """Repetitions in complete signals.
@@ -123,4 +123,4 @@ def repeated_values(values: FloatArray, position: FloatArray) -> RepeatedValues:
     """
     counter = RepeatCounter(values.shape[1])
     counter.add(values, position)
-    return counter.result()
+    return counter.found

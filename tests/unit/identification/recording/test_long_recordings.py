@@ -317,7 +317,7 @@ def test_repetitions_are_counted_across_blocks():
     for block, moved in zip(np.split(values, edges), np.split(position, edges), strict=True):
         counter.add(block, moved)
     for field in fields(whole):
-        np.testing.assert_array_equal(getattr(counter.result(), field.name), getattr(whole, field.name))
+        np.testing.assert_array_equal(getattr(counter.found, field.name), getattr(whole, field.name))
     assert whole.at_bound[1] >= 39
     assert whole.elsewhere[2] >= 29
     assert (whole.turned_for[0] >= 800, whole.turned_at[0]) == (True, 0.7)

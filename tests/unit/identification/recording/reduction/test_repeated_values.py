@@ -14,7 +14,7 @@ def counted(values, position=None, blocks=1):
     counter = RepeatCounter(1)
     for part in zip(np.array_split(values, blocks), np.array_split(position, blocks), strict=True):
         counter.add(*part)
-    found = counter.result()
+    found = counter.found
     return {name: float(getattr(found, name)[0]) for name in found.__dataclass_fields__}
 
 
