@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import datetime
+from operator import itemgetter
 from pathlib import Path
 from typing import Final
 
@@ -74,9 +75,7 @@ def parse_run_table(text: str, source: str, folder: Path) -> tuple[TableRow, ...
 
 def _row(line: CsvLine, folder: Path) -> TableRow:
     """One line."""
-    recording, mounting, payload, recorded = (
-        line.text[key] for key in ("recording", "mounting", "payload", "recorded")
-    )
+    recording, mounting, payload, recorded = itemgetter("recording", "mounting", "payload", "recorded")(line.text)
     mass_kg = line.positive("mass_kg")
     if not recording:
         raise line.refused("recording", "expected the path of a recording")
