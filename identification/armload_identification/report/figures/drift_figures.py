@@ -28,15 +28,14 @@ _HEADINGS: Final = {
 
 def charts_drawing(drift: ArmDrift, names: Sequence[str]) -> Figure:
     """The control charts of all joints, one row per joint."""
-    quantities = tuple(Monitored)
     place, dated = run_places(drift.began, len(drift.runs))
     height_in = _ROW_IN * len(names) + _ENDS_IN
     with styled_figure(WIDE_IN, height_in) as drawing:
         # Fixed: a computed layout takes longer than the rest of the report.
         drawing.subplots_adjust(0.1, 0.4 / height_in, 0.97, 1.0 - 0.2 / height_in, 0.3, 0.3)
-        grid = drawing.subplots(len(names), len(quantities), sharex=True, squeeze=False)
+        grid = drawing.subplots(len(names), len(Monitored), sharex=True, squeeze=False)
         for joint, name in enumerate(names):
-            for column, quantity in enumerate(quantities):
+            for column, quantity in enumerate(Monitored):
                 axes = grid[joint][column]
                 draw_control_chart(axes, place, drift.charts[quantity][joint], partial(_drawn, quantity=quantity))
                 if joint == 0:
