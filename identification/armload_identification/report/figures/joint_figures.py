@@ -56,8 +56,7 @@ def motion_figure(run: Motion, joint: int, name: str, title: str) -> str:
             (lower, run.states.velocity_rad_s, "velocity, rad/s"),
         ):
             axes.plot(*thin_out(run.time_s, values[:, joint]), color=SMOOTHED)
-            axes.yaxis.set_major_locator(ticks(3))
-            _name_axis(axes, label)
+            _value_axis(axes, label, 3)
         _time_axis(upper, lower, run)
         return inline_svg(figure, name, title)
 
@@ -83,14 +82,12 @@ def torque_figure(signal: LoadSignal, predicted_nm: FloatArray, joint: int, name
         upper.plot(*thin_out(time_s, raw), color=RAW, linewidth=0.6)
         upper.plot(*thin_out(time_s, smoothed), color=SMOOTHED, linewidth=0.9)
         upper.plot(*thin_out(time_s, predicted), color=PREDICTED, linewidth=1.5, linestyle=(0.0, PREDICTED_DASHES))
-        upper.yaxis.set_major_locator(ticks(5))
-        _name_axis(upper, "payload torque, N m")
+        _value_axis(upper, "payload torque, N m", 5)
         lower.plot(*thin_out(time_s, raw - predicted), color=RAW, linewidth=0.6)
         lower.plot(*thin_out(time_s, smoothed - predicted), color=RESIDUAL, linewidth=0.8)
         for side in (-2.0, 2.0):
             lower.axhline(side * signal.averaged_noise_nm[joint], color=INK, linewidth=0.6, dashes=(2.0, 2.0))
-        lower.yaxis.set_major_locator(ticks(4))
-        _name_axis(lower, "measured minus predicted, N m")
+        _value_axis(lower, "measured minus predicted, N m", 4)
         _time_axis(upper, lower, signal.loaded)
         return inline_svg(figure, name, title)
 
@@ -136,8 +133,9 @@ def ticks(most: int) -> MaxNLocator:
     return MaxNLocator(most, steps=[1, 2, 2.5, 5, 10])
 
 
-def _name_axis(axes: Axes, label: str) -> None:
-    """Quantity and unit as horizontal text above the axis; numbers without offset or exponent."""
+def _value_axis(axes: Axes, label: str, most: int) -> None:
+    """Quantity and unit as horizontal text above the axis; at most so many ticks, without offset or exponent."""
+    axes.yaxis.set_major_locator(ticks(most))
     axes.set_title(label, loc="left", fontsize=7.5, pad=3.0)
     axes.ticklabel_format(style="plain", useOffset=False)
 
