@@ -47,16 +47,14 @@ def mass_card(payload: PayloadResult) -> tuple[str, str] | None:
 
 def headline(payload: PayloadResult) -> str:
     """The result in one to three sentences with intervals."""
-    texts = _rounded(payload.values, half_widths(payload), payload.interval_95)
-    if payload.determined[0]:
-        value, low, high = texts[0]
-        mass = f"The payload weighs {value}{NO_BREAK}kg {_bracket(low, high, 'kg')}."
-    else:
-        mass = "The mass of the payload is not determined by these data."
+    card = mass_card(payload)
+    mass = "The mass of the payload is not determined by these data."
+    if card is not None:
+        mass = f"The payload weighs {card[0]} {_bracket(card[1])}."
     millimetres = _rounded(_MM * payload.values[1:4], _MM * half_widths(payload)[1:4], _MM * payload.interval_95[1:4])
     known = payload.determined[1:4]
     known_parts = [
-        f"{axis}{NO_BREAK}={NO_BREAK}{value}{NO_BREAK}mm {_bracket(low, high, 'mm')}"
+        f"{axis}{NO_BREAK}={NO_BREAK}{value}{NO_BREAK}mm {_bracket(f'{low} to {high} mm')}"
         for axis, (value, low, high), there in zip(AXES, millimetres, known, strict=True)
         if there
     ]
@@ -157,9 +155,9 @@ def _rounded(values: FloatArray, half_widths: FloatArray, intervals: FloatArray)
     return rows
 
 
-def _bracket(low: str, high: str, unit: str) -> str:
+def _bracket(interval: str) -> str:
     """An interval without line breaks."""
-    return f"({low} to {high} {unit})".replace(" ", NO_BREAK)
+    return f"({interval})".replace(" ", NO_BREAK)
 
 
 def _error_text(index: int, value: float, truth: float, half_width: float = np.nan) -> str:
