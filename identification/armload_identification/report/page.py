@@ -53,8 +53,6 @@ def _typeset(value: object) -> object:
         return value
     parts = _IN_BACKTICKS.split(printable(value))  # every second one is code
     parts[::2] = (_PERCENT.sub(f"{NO_BREAK}%", _NEGATIVE.sub(MINUS, part.replace("+-", "±"))) for part in parts[::2])
-    if len(parts) == 1:
-        return parts[0]
     return Markup("").join(
         escape(part) if k % 2 == 0 else Markup("<code>{}</code>").format(part) for k, part in enumerate(parts)
     )
