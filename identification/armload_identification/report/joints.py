@@ -38,11 +38,13 @@ def joint_rows(
         `scale` with its 95 % interval, empty if not requested or not determined.
     """
     decimals = common_decimals(signal.noise_nm, 3)
+    ratio = np.where(residual_rms_nm > 0.0, np.inf, 0.0)  # infinite without noise, 0 without both
+    np.divide(residual_rms_nm, signal.noise_nm, out=ratio, where=signal.noise_nm > 0.0)
     columns = {
         "torque": _column(np.sqrt(np.mean(signal.raw_nm[signal.valid] ** 2, axis=0)), decimals),
         "noise": _column(signal.noise_nm, decimals),
         "residual": _column(residual_rms_nm, decimals),
-        "ratio": _column(_residual_over_noise(residual_rms_nm, signal.noise_nm), 2),
+        "ratio": _column(ratio, 2),
         "loss": _column(_PERCENT * signal.smoothing_loss),
         "mismatch": _column(_MRAD * signal.mismatch_rad),
         "position_fit": _column(_MRAD * signal.loaded.position_fit_rad),
@@ -68,9 +70,3 @@ def _column(values: FloatArray, decimals: int | None = None) -> tuple[Numeral, .
     """Numbers with the same number of decimals; for two digits of the greatest if not given."""
     decimals = common_decimals(values, 2) if decimals is None else decimals
     return align([numeral(float(value), decimals) for value in values])
-
-
-def _residual_over_noise(residual_nm: FloatArray, noise_nm: FloatArray) -> FloatArray:
-    """(n,) residual divided by noise; infinite without noise, 0 without both."""
-    bottomless = np.where(residual_nm > 0.0, np.inf, 0.0)
-    return np.asarray(np.divide(residual_nm, noise_nm, out=bottomless, where=noise_nm > 0.0))
