@@ -118,10 +118,6 @@ class _CalibrationFile(Table):
     provenance: ProvenanceTable
 
     def __post_init__(self) -> None:
-        self._one_entry_per_joint()
-        self._makes_sense()
-
-    def _one_entry_per_joint(self) -> None:
         n = len(self.gains.gain)
         for name in ("gains", "friction", "fit"):
             table: Table = getattr(self, name)
@@ -135,8 +131,6 @@ class _CalibrationFile(Table):
         for index, run in enumerate(self.runs, 1):
             shapes = {"residual_rms_nm": (n,), "influence": (n,), "friction_changes": (3, n)}
             require_array_shapes(f"runs[{index}]", run, shapes)
-
-    def _makes_sense(self) -> None:
         if self.arm.effort not in tuple(Effort):
             raise BadValue("arm.effort", self.arm.effort, f"expected {' or '.join(Effort)}")
         if (self.fit.correlation_s <= 0.0).any():
@@ -154,7 +148,6 @@ def format_calibration(result: ArmCalibration) -> str:
     table = toml_text.table
     unit = "N m per A of motor current" if result.effort is Effort.CURRENT else "N m per N m that a drive reports"
     gains = {"gain": result.gain_nm_a, "half_width_95": result.gain_half_width_95, "nominal": result.nominal}
-    drift = dict(zip(_DRIFT, result.drift, strict=True))
     fit = {"residual_nm": result.noise_nm, "correlation_s": result.correlation_s, "effort_nm": result.level_nm}
     lines = [
         f"# Axis torque on the output side of the gear: {unit}. Residual and effort are in N m, with the nominal "
@@ -162,7 +155,7 @@ def format_calibration(result: ArmCalibration) -> str:
         *table("arm", _entries(_ArmTable, result)),
         *table("gains", gains),
         "# The drift is the standard deviation of friction between runs.",
-        *table("friction", _entries(_FrictionTable, result.body) | drift),
+        *table("friction", _entries(_FrictionTable, result.body) | dict(zip(_DRIFT, result.drift, strict=True))),
         "# Base parameters: together they give the arm's torque; single numbers are not the mass or inertia of a link.",
         "# Per link in its joint frame: m, m cx, m cy, m cz, Ixx, Iyy, Izz, Ixy, Ixz, Iyz about the origin.",
         *table("body", _entries(_BodyTable, result.body, result)),
