@@ -176,13 +176,12 @@ class RosReader(RecordingReader):
     def _chosen(self, reader: AnyReader) -> _Choice:
         """Choose topic, joints and time stamps."""
         topics = sorted({connection.topic for connection in reader.connections if connection.msgtype in _TYPES})
-        groups: dict[tuple[str, frozenset[str]], list[tuple[int, _JointSample]]] = {}
+        groups: dict[tuple[str, frozenset[str]], list[_JointSample]] = {}
         for topic in topics:
-            for count, (when_ns, sample) in enumerate(_samples(reader, reader.messages(_of_topic(reader, topic)))):
+            messages = reader.messages(_of_topic(reader, topic))
+            for _, sample in islice(_samples(reader, messages), _LEARNT_FROM + 1):
                 if sample is not None and sample.columns[0].size == len(sample.names) > 0:
-                    groups.setdefault((topic, frozenset(sample.names)), []).append((when_ns, sample))
-                if count >= _LEARNT_FROM:
-                    break
+                    groups.setdefault((topic, frozenset(sample.names)), []).append(sample)
         if not groups:
             others = ", ".join(sorted({connection.msgtype for connection in reader.connections})) or "nothing"
             raise RecordingError(
@@ -192,12 +191,11 @@ class RosReader(RecordingReader):
         arm = JointNames(self._options.joint_names)
 
         def worth(key: tuple[str, frozenset[str]]) -> tuple[int, int, int, int]:
-            samples = [sample for _, sample in groups[key]]
-            with_effort = sum(_is_measured(sample.columns[2], sample) for sample in samples)
-            return len(arm.places(sorted(key[1]))), with_effort > 0, len(key[1]), len(samples)
+            with_effort = any(_is_measured(sample.columns[2], sample) for sample in groups[key])
+            return len(arm.places(sorted(key[1]))), with_effort, len(key[1]), len(groups[key])
 
         best = max(groups, key=worth)
-        samples = [sample for _, sample in groups[best]]
+        samples = groups[best]
         stamps = np.array([sample.stamp_ns for sample in samples], dtype=np.int64)
         wanted = [name for name in self._options.joint_names if name in samples[0].names]
         return _Choice(
