@@ -15,7 +15,6 @@ from armload_identification.numerals import NO_BREAK, decimals_for, numeral
 from armload_identification.recording.run_start import stated_starts
 from armload_identification.report.figures.calibration_figures import drift_figure, gains_figure
 from armload_identification.report.figures.control_chart_axes import run_places
-from armload_identification.report.figures.joint_figures import COLORS
 from armload_identification.report.gain_table import gain_table
 from armload_identification.report.page import rendered
 
@@ -61,7 +60,6 @@ def render_calibration_report(calibration: ArmCalibration, description: str, nam
         drift=list(_drift(calibration, names)),
         delay=f"{numeral(1e3 * calibration.body.torque_delay_s, 1)} ± {numeral(width_ms, 1)}{NO_BREAK}ms",
         tilt=tilted if tilt_deg > tilt_width_deg else f"level within {numeral(tilt_width_deg, 2)}°",
-        colors=COLORS,
     )
 
 
