@@ -37,13 +37,9 @@ class PrintedResult(ABC):
         """The table as text."""
         table = self.table()
         widths = [max(map(len, column)) for column in zip(table.headings, *table.rows, strict=True)]
-        lines = [
-            "  ".join(
-                cell.ljust(width) if i in table.text_columns else cell.rjust(width)
-                for i, (cell, width) in enumerate(zip(row, widths, strict=True))
-            ).rstrip()
-            for row in (table.headings, *table.rows)
-        ]
+        sides = ("<" if i in table.text_columns else ">" for i in range(len(widths)))
+        line = "  ".join(f"{{:{side}{width}}}" for side, width in zip(sides, widths, strict=True))
+        lines = [line.format(*row).rstrip() for row in (table.headings, *table.rows)]
         return "\n".join([*filter(None, [table.title]), *lines, *table.sentences])
 
     __repr__ = __str__  # so that a prompt shows it
