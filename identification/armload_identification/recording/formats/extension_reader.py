@@ -60,13 +60,6 @@ class ExtensionReader(RecordingReader):
         """
         account.sha256 = hash_of_files([self._path])
         account.remarks = (f"read by {self._package}",)
-        arrays = self._arrays()
-        account.rows_read = len(arrays["time_s"])
-        for part in parts_of(arrays):
-            yield RowBlock(**part)
-
-    def _arrays(self) -> dict[str, FloatArray]:
-        """The arrays, checked."""
         try:
             found = dict(self._function(self._path))
             arrays = {name: np.array(values, dtype=np.float64) for name, values in found.items()}
@@ -80,4 +73,6 @@ class ExtensionReader(RecordingReader):
                 f"position_rad (N, n), and the same shape for others of {', '.join(QUANTITIES)}"
             )
         require_shapes(f"{self._path}: {self._package}", arrays)
-        return arrays
+        account.rows_read = len(arrays["time_s"])
+        for part in parts_of(arrays):
+            yield RowBlock(**part)
