@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -12,9 +12,6 @@ from armload_identification.numerals import Numeral, align, common_decimals, num
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.signals.signal_constants import Smoothing
 from armload_identification.verdict.recording_checks.joint_scales import JointScales
-
-_MRAD: Final = 1e3
-_PERCENT: Final = 100.0
 
 
 def joint_rows(
@@ -45,9 +42,9 @@ def joint_rows(
         "noise": _column(signal.noise_nm, decimals),
         "residual": _column(residual_rms_nm, decimals),
         "ratio": _column(ratio, 2),
-        "loss": _column(_PERCENT * signal.smoothing_loss),
-        "mismatch": _column(_MRAD * signal.mismatch_rad),
-        "position_fit": _column(_MRAD * signal.loaded.position_fit_rad),
+        "loss": _column(100.0 * signal.smoothing_loss),
+        "mismatch": _column(1e3 * signal.mismatch_rad),
+        "position_fit": _column(1e3 * signal.loaded.position_fit_rad),
     }
     return [
         {
