@@ -39,12 +39,8 @@ def replace_file(path: Path, content: str | bytes) -> None:
         with contextlib.suppress(OSError):
             beside.unlink()
         raise
-    _flush_folder(place.parent)
-
-
-def _flush_folder(folder: Path) -> None:
-    """Flush the rename itself, on file systems that can flush a folder."""
-    descriptor = os.open(folder, os.O_RDONLY)
+    # Flush the rename itself, on file systems that can flush a folder.
+    descriptor = os.open(place.parent, os.O_RDONLY)
     try:
         with contextlib.suppress(OSError):
             os.fsync(descriptor)
