@@ -99,7 +99,7 @@ class _Reading:
     account: ReadingAccount = field(default_factory=ReadingAccount)
     start_s: float | None = None
     last_s: float = 0.0
-    outside: int = 0
+    outside: Counter[str] = field(default_factory=Counter)
 
     def recording(self, reduction_of: Callable[[], Reduction], short_rows: int) -> Recording:
         """The recording, with the given reduction if the run is long."""
@@ -120,8 +120,7 @@ class _Reading:
                 f"rows from 0 to {self.last_s:.1f} s."
             )
         account = self.account
-        outside = Counter({"outside `between_s=`": self.outside})
-        self.garbage.require_enough(size, account.rows_read, account.reasons + outside)
+        self.garbage.require_enough(size, account.rows_read, account.reasons + self.outside)
         found = ("sha256", "rows_read", "truncated", "joint_names", "remarks")
         source = RecordingSource(
             **{name: getattr(account, name) for name in found},
@@ -145,7 +144,7 @@ class _Reading:
             elapsed = rows.time_s - self.start_s
             self.last_s = float(elapsed[-1])
             chosen = (elapsed >= self.between_s[0]) & (elapsed <= self.between_s[1])
-            self.outside += int((~chosen).sum())
+            self.outside["outside `between_s=`"] += int((~chosen).sum())
             yield rows.rows(chosen)
 
     def _blocks(self) -> Iterator[RowBlock]:
