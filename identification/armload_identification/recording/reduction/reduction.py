@@ -35,9 +35,7 @@ class Reduction(ABC):
         Raises:
             WrongReduction: the rows cannot be reduced in this way.
         """
-        if not rows.size:
-            return
-        if rows.effort is not None:
+        if rows.size and rows.effort is not None:
             self._repeats = self._repeats or RepeatCounter(rows.n)
             self._repeats.add(rows.effort, rows.position_rad)
         used = self._used(rows)
