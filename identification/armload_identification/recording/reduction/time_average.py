@@ -95,8 +95,7 @@ class TimeAverager(Reduction):
 
 def _averaged(rows: RowBlock, number: FloatArray, fewest: float) -> RowBlock:
     """Means over rows with the same number, if there are at least `fewest`."""
-    first = np.concatenate([[0], np.flatnonzero(np.diff(number)) + 1])
-    count = np.diff(np.append(first, rows.size))
+    _, first, count = np.unique(number, return_index=True, return_counts=True)
     full = count >= fewest
 
     def mean(values: FloatArray) -> FloatArray:
