@@ -108,8 +108,7 @@ def thin_out(time_s: FloatArray, values: FloatArray, bins: int = _BINS) -> tuple
     if values.size <= 2 * bins:
         return time_s, values
     width = -(-values.size // bins)
-    padded = np.full((-(-values.size // width), width), np.nan)
-    padded.reshape(-1)[: values.size] = values
+    padded = np.pad(values, (0, -values.size % width), constant_values=np.nan).reshape(-1, width)
     least = np.argmin(np.where(np.isnan(padded), np.inf, padded), axis=1)
     greatest = np.argmax(np.where(np.isnan(padded), -np.inf, padded), axis=1)
     within = np.sort(np.stack([least, greatest], axis=1), axis=1)
