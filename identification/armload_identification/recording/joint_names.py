@@ -58,8 +58,7 @@ class JointNames:
                 if len(set(found.values())) > 1:
                     return None
                 first, joint = next(reversed(found.items()))
-                whole = tuple(words[first : first + size]) == self._whole[joint]
-                return joint, first, first + size, whole
+                return joint, first, first + size, parts[first] == self._whole[joint]
         return None
 
     def places(self, recorded: Sequence[str]) -> dict[int, int]:
