@@ -28,7 +28,6 @@ def write_drift_report(path: Path, content: ComparedRuns) -> None:
     span = "" if not days else f" of {days[0]}" if days[0] == days[-1] else f" from {days[0]} to {days[-1]}"
     began = [f"{moment.astimezone(UTC):%Y-%m-%d %H:%M} UTC" for moment in drift.began]
     title = f"Friction, gain and residual of {len(names)} joints over {len(drift.runs)} runs."
-    charts = inline_svg(charts_drawing(drift, names), "charts", title)
     warming = None
     if drift.warming is not None:
         curve = warm_up_drawing(drift.warming, names)
@@ -39,7 +38,7 @@ def write_drift_report(path: Path, content: ComparedRuns) -> None:
         drift=drift,
         span=span,
         began=began or [run.recorded or "\N{EN DASH}" for run in drift.runs],
-        charts=Markup(charts),
+        charts=Markup(inline_svg(charts_drawing(drift, names), "charts", title)),
         warming=warming,
     )
     write_page(path, page)
