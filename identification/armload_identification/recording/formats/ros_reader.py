@@ -162,8 +162,7 @@ class RosReader(RecordingReader):
         differs[_STAMP if reader.is2 else slice(_STAMP.stop)] = False  # ROS 1 counts its messages before the stamp
         for end in ends:
             differs[end - size : end] = False
-        named = set(self._choice.names) <= set(sample.names)
-        if differs.any() or not named or ends[0] - size < _STAMP.stop:
+        if differs.any() or ends[0] - size < _STAMP.stop or not set(self._choice.names) <= set(sample.names):
             return None
         arrays = [data[:, end - size : end].copy().view("<f8") for end in ends]
         if not all(map(partial(np.array_equal, equal_nan=True), (array[0] for array in arrays), sample.columns)):
