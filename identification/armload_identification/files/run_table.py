@@ -68,9 +68,18 @@ def parse_run_table(text: str, source: str, folder: Path) -> tuple[TableRow, ...
         RunTableError: as `read_run_table`.
     """
     lines = parse_csv(text, source, _REQUIRED, _OPTIONAL, "one recording per line", RunTableError)
-    rows = [_row(line, folder) for line in lines]
-    _require_agreement(rows, source)
-    return tuple(rows)
+    rows = tuple(_row(line, folder) for line in lines)
+    seen: set[Path] = set()
+    weighed: dict[str, float] = {}
+    for row in rows:
+        if row.recording in seen:
+            raise RunTableError(source, "recording", str(row.recording), "expected each recording once")
+        seen.add(row.recording)
+        if row.mass_kg is not None and weighed.setdefault(row.mounting, row.mass_kg) != row.mass_kg:
+            known_kg = weighed[row.mounting]
+            expected = f"expected {known_kg:g} as in another row; a different payload requires a different name"
+            raise RunTableError(source, f"mass_kg of mounting '{row.mounting}'", row.mass_kg, expected)
+    return rows
 
 
 def _row(line: CsvLine, folder: Path) -> TableRow:
@@ -87,17 +96,3 @@ def _row(line: CsvLine, folder: Path) -> TableRow:
         expected = "expected a date, or date and time, such as 2026-03-01T08:30, or nothing"
         raise line.refused("recorded", expected) from None
     return TableRow(folder / recording, mounting, mass_kg, folder / payload if payload else None, recorded)
-
-
-def _require_agreement(rows: list[TableRow], source: str) -> None:
-    """Raise unless each recording occurs once and each mounting has one mass."""
-    seen: set[Path] = set()
-    weighed: dict[str, float] = {}
-    for row in rows:
-        if row.recording in seen:
-            raise RunTableError(source, "recording", str(row.recording), "expected each recording once")
-        seen.add(row.recording)
-        if row.mass_kg is not None and weighed.setdefault(row.mounting, row.mass_kg) != row.mass_kg:
-            known_kg = weighed[row.mounting]
-            expected = f"expected {known_kg:g} as in another row; a different payload requires a different name"
-            raise RunTableError(source, f"mass_kg of mounting '{row.mounting}'", row.mass_kg, expected)
