@@ -52,10 +52,8 @@ class PrintedResult(ABC):
 
         def row(cells: Sequence[str], tag: str) -> str:
             sides = ("left" if i in table.text_columns else "right" for i in range(len(cells)))
-            return "".join(
-                f'<{tag} style="text-align:{side}">{escape(cell)}</{tag}>'
-                for cell, side in zip(cells, sides, strict=True)
-            )
+            line = "".join(f'<{tag} style="text-align:{side}">{{}}</{tag}>' for side in sides)
+            return line.format(*map(escape, cells))
 
         body = "".join(f"<tr>{row(cells, 'td')}</tr>" for cells in table.rows)
         below = "".join(f"<p>{escape(sentence)}</p>" for sentence in table.sentences)
