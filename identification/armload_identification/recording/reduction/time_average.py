@@ -23,7 +23,7 @@ from armload_identification.float_array import FloatArray
 from armload_identification.recording.recording import Recording, RecordingSource
 from armload_identification.recording.reduction.reduction import Reduction
 from armload_identification.recording.reduction.repeated_values import RepeatedValues
-from armload_identification.recording.row_block import RowBlock, joined
+from armload_identification.recording.row_block import QUANTITIES, RowBlock, joined
 
 INTERVAL_S: Final = 0.01
 MOST_MEANS: Final = 2**17
@@ -108,18 +108,18 @@ def _averaged(rows: RowBlock, number: FloatArray, fewest: float) -> RowBlock:
 def _at_their_times(rows: RowBlock, width_s: float, curvature: float) -> RowBlock:
     """Values at the times of means over `width_s`, where two neighbours on each side follow evenly.
 
-    The second derivative is taken over four intervals, so that the noise of a mean grows by 2 % at most.
+    The second derivative is taken over four intervals, so that the noise of a mean grows by 2 % at most. The arrays of
+    the rows are changed.
     """
     if not curvature:  # the rows are single samples
         return rows
     even = np.abs(rows.time_s[4:] - rows.time_s[:-4] - 4.0 * width_s) < _EVEN * width_s
     inner = np.flatnonzero(even) + 2
 
-    def value(means: FloatArray) -> FloatArray:
-        for column in means.T if means.ndim > 1 else [means]:  # one at a time, and in place: a long run has 2^17 means
+    for name in QUANTITIES[1:]:  # all but the times
+        means = getattr(rows, name)
+        # One column at a time, and in place: a long run has 2^17 means.
+        for column in () if means is None else np.atleast_2d(means.T):
             mean = column.copy()
             column[inner] -= 0.25 * curvature * (mean[inner + 2] - 2.0 * mean[inner] + mean[inner - 2])
-        return means
-
-    time_s = rows.time_s.copy()
-    return replace(rows.each(value), time_s=time_s)
+    return rows
