@@ -15,7 +15,6 @@ from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.estimation.arm_terms import TILT, places_of
 from armload_identification.files.covariance_table import require_covariance
 from armload_identification.files.provenance_table import ProvenanceTable, provenance_lines
-from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import CalibrationFileError, ModelError
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.regressor import PARAMETERS
@@ -254,12 +253,8 @@ def parse_calibration(content: str, source: str = "calibration") -> ArmCalibrati
         kinematics_sha256=tables.arm.kinematics_sha256,
         provenance=tables.provenance.provenance(),
     )
-    _require_width(source, tables.gains.half_width_95, result.gain_half_width_95)
-    return result
-
-
-def _require_width(source: str, written: FloatArray, wanted: FloatArray) -> None:
-    """Raise if the intervals do not agree with the covariance."""
+    written, wanted = tables.gains.half_width_95, result.gain_half_width_95
     if not np.allclose(written, wanted, rtol=_WIDTH_TOLERANCE, atol=0.0):
         instead = f"the value from [uncertainty], {wanted.round(6).tolist()}; calibrate again instead of editing"
         raise CalibrationFileError(source, "gains.half_width_95", written.tolist(), f"expected {instead}")
+    return result
