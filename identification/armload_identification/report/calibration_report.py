@@ -63,21 +63,16 @@ def render_calibration_report(calibration: ArmCalibration, description: str, nam
     )
 
 
-def _with_width(value: float, half_width: float) -> str:
-    """A number with its interval."""
-    decimals = decimals_for(half_width, value)
-    return f"{numeral(value, decimals)}{NO_BREAK}±{NO_BREAK}{numeral(half_width, decimals)}"
-
-
 def _payload_rows(calibration: ArmCalibration) -> Iterator[tuple[str, str, str, str]]:
     """Name, weighed mass, mass and centre of mass of every mounting."""
     for payload in calibration.payloads:
-        mass = payload.theta[0]
+        mass, half_width = payload.theta[0], NORMAL_HALF_WIDTH * payload.deviation[0]
+        decimals = decimals_for(half_width, mass)
         center = payload.theta[1:4] / mass if mass > 0.0 else np.full(3, np.nan)
         yield (
             payload.mounting,
             f"{payload.weighed_kg:g}" if np.isfinite(payload.weighed_kg) else "not weighed",
-            _with_width(mass, NORMAL_HALF_WIDTH * payload.deviation[0]),
+            f"{numeral(mass, decimals)}{NO_BREAK}±{NO_BREAK}{numeral(half_width, decimals)}",
             ", ".join(numeral(1e3 * value, 1) for value in center),
         )
 
