@@ -293,6 +293,10 @@ def test_nothing_is_added_before_it_is_allowed():
     np.testing.assert_allclose(arm.run(CONFIRMED_S), torque_of(found()), atol=1e-9)
 
 
+def test_it_takes_half_a_second_to_be_added():
+    assert Arm(allow=False).adaptation.fade_in_cycles == round(0.5 / CYCLE_S) + 1
+
+
 def test_a_better_estimate_takes_its_place_and_a_like_one_does_not():
     arm = Arm()
     arm.run(CONFIRMED_S)

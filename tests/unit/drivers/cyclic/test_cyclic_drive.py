@@ -4,6 +4,7 @@ import math
 
 import pytest
 
+from armload_drivers.cia402.arm_settings import OperationMode
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.cyclic.cyclic_drive import CyclicDrive
 from armload_drivers.driver_errors import LoopLost, ServoError, ServoFault, ServoTimeout
@@ -80,6 +81,28 @@ def enabled(drive):
     drive.receive(ENABLED)
     drive.course.calls.clear()
     return drive
+
+
+@pytest.mark.parametrize(
+    ("mode", "interpolates"),
+    [(OperationMode.INTERPOLATED_POSITION, True), (OperationMode.CYCLIC_SYNCHRONOUS_POSITION, False)],
+)
+def test_interpolation_is_requested_of_an_enabled_drive_that_is_to_remain_enabled(arm_settings, mode, interpolates):
+    arm = arm_settings(cycle_s=CYCLE_S, mode=mode)
+    drive = Drive(arm.drives[1], arm)
+    drive.begin(COUNTS_PER_RAD, Course())
+
+    def requested():
+        return bool(drive.controlword(drive.time_s) & 0x0010)
+
+    drive.receive(SWITCHED_ON)
+    assert not requested()
+    drive.ask(State.OPERATION_ENABLED, "enabling")
+    assert not requested()
+    drive.receive(ENABLED)
+    assert requested() is interpolates
+    drive.ask(State.SWITCHED_ON, "disabling")
+    assert not requested()
 
 
 def test_a_drive_begins_with_nothing_of_its_own(arm_settings):
