@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from armload_controller.config.robot import load_robot
 from armload_controller.motion.paths import PhaseLimits, bound_phase
-from armload_controller.motion.slow_round_pace import Pace, reduced_pace
+from armload_controller.motion.slow_round_pace import Pace, _pace_above, reduced_pace
 from armload_identification.excitation.geometry.cartesian_speed import ArmPoints, SpeedLimit
 
 PLANNED_SPEED_M_S, REDUCED_SPEED_M_S = 0.245, 0.25
@@ -128,6 +128,14 @@ def test_the_shipped_arms_rounds_are_short(name, most_s):
         bounds = bound_phase(path, robot.limits.motion)
         paced, _ = reduced_pace(path, bounds, robot.motion_constraints.reduced_speed)
         assert paced.pace.lasts_s < most_s
+
+
+@pytest.mark.parametrize("phase_rad", [0.0, 0.5, 2.0])
+def test_a_pace_of_many_knots_takes_less_than_one_percent_longer_than_the_speed_requires(phase_rad):
+    needed = 4.0 + np.sin(np.linspace(0.0, 2.0 * np.pi, 2048, endpoint=False) * 3.0 + phase_rad)
+    pace = _pace_above(needed, 10.0, 256)
+    assert (pace.bounds(2048)[0] >= needed).all()
+    assert 40.0 < pace.lasts_s < 40.4
 
 
 class Known(Pace):
