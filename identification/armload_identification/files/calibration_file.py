@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from os import PathLike
 from pathlib import Path
 from typing import Final
@@ -30,6 +29,7 @@ from armload_identification.storage.strict_toml import (
     parse_toml,
     read_toml,
     require_array_shapes,
+    toml_values,
     write_text,
 )
 
@@ -214,8 +214,8 @@ def read_calibration(path: str | PathLike[str]) -> ArmCalibration:
 def is_calibration(path: str | PathLike[str]) -> bool:
     """Whether a file is a calibration, complete or not; False for any other file, also one that is not TOML."""
     try:
-        found = tomllib.loads(Path(path).read_text("utf-8"))
-    except (OSError, ValueError):
+        found = toml_values(read_toml(path, CalibrationFileError), str(path), CalibrationFileError)
+    except CalibrationFileError:
         return False
     return {"arm", "gains"} <= found.keys()
 

@@ -54,9 +54,8 @@ class CovarianceTable(Table):
         """As in a `PayloadResult`."""
         gains, slope = self.gains, self.calibration_slope
         known = () if gains is None else (gains.gain_nm_a, gains.slope, gains.covariance)
-        if gains is not None and slope is not None:
-            known = (*known, slope)
-        return MassCenterCovariance(self.mass_center, self.degrees_of_freedom, *known)
+        considered = {} if slope is None else {"calibration_slope": slope}
+        return MassCenterCovariance(self.mass_center, self.degrees_of_freedom, *known, **considered)
 
 
 def covariance_lines(known: MassCenterCovariance | None) -> list[str]:

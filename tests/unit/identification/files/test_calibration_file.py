@@ -11,6 +11,7 @@ import pytest
 from armload_identification.estimation.arm_terms import TILT, places_of
 from armload_identification.files.calibration_file import (
     format_calibration,
+    is_calibration,
     parse_calibration,
     read_calibration,
     write_calibration,
@@ -86,6 +87,15 @@ def test_deviations_are_found_where_the_layout_puts_them(calibration):
 def test_a_file_that_is_not_there_is_named(tmp_path):
     with pytest.raises(CalibrationFileError, match=r"none\.toml: cannot be read"):
         read_calibration(tmp_path / "none.toml")
+
+
+@pytest.mark.parametrize("content", [b"a = " + b"[" * 9000, b"a = ", b"\xff", b"[arm]\n", b"[arm]\n[gains]\n"])
+def test_whether_a_file_is_a_calibration_is_no_error(content, tmp_path):
+    path = tmp_path / "unknown.toml"
+    path.write_bytes(content)
+    assert is_calibration(path) is (content == b"[arm]\n[gains]\n")
+    assert not is_calibration(tmp_path)
+    assert not is_calibration(tmp_path / "none.toml")
 
 
 def test_a_table_of_runs():

@@ -48,6 +48,9 @@ def test_without_gains_and_calibration_their_tables_are_left_out(payload):
     found = read_back(payload, plain)
     assert found.gain_nm_a.size == 0
     assert found.freedom == 7.0
+    slope = KNOWN.calibration_slope
+    shared = read_back(payload, replace(plain, calibration_slope=slope))
+    np.testing.assert_allclose(shared.held, slope @ slope.T, rtol=1e-2)
     without = replace(KNOWN, calibration_slope=np.zeros((4, 0)))
     assert read_back(payload, without).calibration_slope.shape == (4, 0)
     assert "calibration_slope" not in "\n".join(line for line in covariance_lines(without) if not line.startswith("#"))
