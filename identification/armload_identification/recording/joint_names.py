@@ -36,6 +36,7 @@ class JointNames:
         forms = [_name_endings(words, self._whole) for words in self._whole]
         counts = Counter(form for own in forms for form in own)
         self._name_endings = {form: joint for joint, own in enumerate(forms) for form in own if counts[form] == 1}
+        self._longest = max((len(form) for form in self._name_endings), default=0)
 
     @property
     def numbered(self) -> bool:
@@ -51,7 +52,7 @@ class JointNames:
         Returns:
             Its index, from 0; indices of the first word of its name and after the last; whether the name is whole.
         """
-        for size in range(len(words), 0, -1):
+        for size in range(min(self._longest, len(words)), 0, -1):
             parts = {first: tuple(words[first : first + size]) for first in range(len(words) - size + 1)}
             found = {first: self._name_endings[part] for first, part in parts.items() if part in self._name_endings}
             if found:

@@ -105,3 +105,16 @@ def test_places_are_those_of_joints_that_are_named_once_or_exactly():
 def test_words_that_all_joints_end_with_may_be_missing(names, text, joint):
     found = JointNames(names).find(words_of(text))
     assert (None if found is None else found[0]) == joint
+
+
+def test_a_name_of_many_words_costs_as_much_as_it_has_words():
+    class Words(list):
+        looked_up = 0
+
+        def __getitem__(self, key):
+            self.looked_up += 1
+            return super().__getitem__(key)
+
+    words = Words(["word"] * 500)
+    assert JointNames(UR).find(words) is None
+    assert words.looked_up <= 3 * len(words)
