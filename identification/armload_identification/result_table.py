@@ -37,9 +37,13 @@ class PrintedResult(ABC):
         """The table as text."""
         table = self.table()
         widths = [max(map(len, column)) for column in zip(table.headings, *table.rows, strict=True)]
-        sides = ("<" if i in table.text_columns else ">" for i in range(len(widths)))
-        line = "  ".join(f"{{:{side}{width}}}" for side, width in zip(sides, widths, strict=True))
-        lines = [line.format(*row).rstrip() for row in (table.headings, *table.rows)]
+        lines = [
+            "  ".join(
+                cell.ljust(width) if i in table.text_columns else cell.rjust(width)
+                for i, (cell, width) in enumerate(zip(row, widths, strict=True))
+            ).rstrip()
+            for row in (table.headings, *table.rows)
+        ]
         return "\n".join([*filter(None, [table.title]), *lines, *table.sentences])
 
     __repr__ = __str__  # so that a prompt shows it
@@ -52,8 +56,10 @@ class PrintedResult(ABC):
 
         def row(cells: Sequence[str], tag: str) -> str:
             sides = ("left" if i in table.text_columns else "right" for i in range(len(cells)))
-            line = "".join(f'<{tag} style="text-align:{side}">{{}}</{tag}>' for side in sides)
-            return line.format(*map(escape, cells))
+            return "".join(
+                f'<{tag} style="text-align:{side}">{escape(cell)}</{tag}>'
+                for cell, side in zip(cells, sides, strict=True)
+            )
 
         body = "".join(f"<tr>{row(cells, 'td')}</tr>" for cells in table.rows)
         below = "".join(f"<p>{escape(sentence)}</p>" for sentence in table.sentences)

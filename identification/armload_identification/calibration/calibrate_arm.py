@@ -51,6 +51,7 @@ from armload_identification.model.chain import Chain
 from armload_identification.model.payload import Provenance
 from armload_identification.model.regressor import PARAMETERS
 from armload_identification.recording.reading_options import Effort
+from armload_identification.recording.recording import Recording
 from armload_identification.recording.run_start import run_start_text
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.motion import Motion
@@ -120,14 +121,8 @@ class _Calibration:
         readable: list[tuple[str, MountedRun, Motion]] = []
         names = _distinct([run.recording.source.path for run in given.runs])
         for name, run in zip(names, given.runs, strict=True):
-            path = run.recording.source.path
-            try:
-                motion = motion_with_rows(usable_runs([run.recording], chain.n, transmission)[0])
-                if not row_window(motion).middle.size:
-                    raise RecordingError(f"{path}: {NO_ROWS}")
-                readable.append((name, run, motion))
-            except IdentificationError as problem:
-                self._left_out.append((name, str(problem).removeprefix(f"{path}: ")))
+            motion = self._read(name, run.recording)
+            readable += [] if motion is None else [(name, run, motion)]
             self._advance()
         of_torque = {name for name, run, _ in readable if run.recording.torque_nm is not None}
         self._from_torque = 2 * len(of_torque) > len(readable)
@@ -227,6 +222,18 @@ class _Calibration:
         self._done = min(self._done + 1, self._total)
         self._progress(self._done, self._total)
 
+    def _read(self, name: str, recording: Recording) -> Motion | None:
+        """The motion of a run; None, with the reason recorded, if it cannot be used."""
+        path = recording.source.path
+        try:
+            motion = motion_with_rows(usable_runs([recording], self._chain.n, self._transmission)[0])
+            if not row_window(motion).middle.size:
+                raise RecordingError(f"{path}: {NO_ROWS}")
+        except IdentificationError as problem:
+            self._left_out.append((name, str(problem).removeprefix(f"{path}: ")))
+            return None
+        return motion
+
     def _fitted(self, runs: Sequence[_UsedRun]) -> Posterior:
         """Fit some of the runs."""
         return solve(self._problem([run.rows for run in runs], self._layout))
@@ -234,10 +241,11 @@ class _Calibration:
     def _problem(self, runs: Sequence[RunRows], layout: ArmLayout) -> Problem:
         """All unknowns of the arm and of some of its runs."""
         rows, mountings = [run.rows for run in runs], {run.mounting for run in runs}
+        level = effort_level(rows)
         return Problem(
-            terms=[*arm_terms(rows, layout), friction_change(effort_level(rows), layout.peak_rad_s)],
+            terms=[*arm_terms(rows, layout), friction_change(level, layout.peak_rad_s)],
             groups=[Group((run,)) for run in runs],
-            noise=Noise.unknown(effort_level(rows)),
+            noise=Noise.unknown(level),
             coupling=self._transmission.coupling,
             known=[payload.known(name) for name, payload in self._weighed.items() if name in mountings],
         )

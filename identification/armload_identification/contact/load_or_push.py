@@ -97,14 +97,14 @@ def assess(rows: ForceRows, known: RememberedState, noise: ResidualNoise, chain:
     """
     means = _means(rows.since(noticed_s - BACK_S))
     count = means.size
-    left = _left_of(means, known, noise)
+    residual, inverse = _residual_of(means, known, noise)
     onsets = np.arange(max(int(np.searchsorted(means.time_s, noticed_s + DECISION_STEP_S, side="right")), 1))
-    payloads = _payloads(means, left, onsets, GRASPED_S)
+    payloads = _payloads(means, inverse, residual, onsets, GRASPED_S)
     start, end = (each.ravel() for each in np.meshgrid(onsets, np.arange(1, count + 1), indexing="ij"))
     start, end = start[end > start], end[end > start]
     within = (np.arange(count) >= start[:, None]) & (np.arange(count) < end[:, None])
     torque = -np.swapaxes(chain.jacobian(means.position_rad), 1, 2)
-    pushes = _fits(torque * _FORCE, *left, within.astype(float))
+    pushes = _fits(torque * _FORCE, inverse, residual, within.astype(float))
     first, last = int(start[pushes.best]), int(end[pushes.best])
     size = PAYLOAD_SIZES[payloads.best % len(PAYLOAD_SIZES)]
     change, spread = size * payloads.b[0], size * np.sqrt(payloads.covariance[0, 0])
@@ -132,12 +132,12 @@ def payload_evidence(rows: ForceRows, known: RememberedState, noise: ResidualNoi
     means = _means(rows.since(now_s - BACK_S))
     if means.size <= LEAST_SINCE:
         return -np.inf
-    left = _left_of(means, known, noise)
-    return _payloads(means, left, np.arange(means.size - LEAST_SINCE), (0.0,)).logarithm
+    residual, inverse = _residual_of(means, known, noise)
+    return _payloads(means, inverse, residual, np.arange(means.size - LEAST_SINCE), (0.0,)).logarithm
 
 
-def _left_of(means: ForceRows, known: RememberedState, noise: ResidualNoise) -> tuple[FloatArray, FloatArray]:
-    """(K n, K n) N^-1: noise with its memory, and what was not known; and (K n,) residuals that are not known."""
+def _residual_of(means: ForceRows, known: RememberedState, noise: ResidualNoise) -> tuple[FloatArray, FloatArray]:
+    """(K n,) residuals that are not known, and (K n, K n) N^-1: noise with its memory, and what was not known."""
     count, n = means.residual_nm.shape
     tall = means.columns.reshape(count * n, -1)
     together = np.exp(-np.abs(means.time_s[:, None] - means.time_s) / COLOUR_S)
@@ -148,18 +148,22 @@ def _left_of(means: ForceRows, known: RememberedState, noise: ResidualNoise) -> 
         apart[:, j, :, j] = np.linalg.inv(noise.coloured_nm2[j] * together + white)
     seen = apart.reshape(count * n, -1) @ tall
     unknown = known.covariance @ np.linalg.inv(np.eye(tall.shape[1]) + tall.T @ seen @ known.covariance)
-    return apart.reshape(count * n, -1) - seen @ unknown @ seen.T, means.residual_nm.ravel() - tall @ known.value
+    return means.residual_nm.ravel() - tall @ known.value, apart.reshape(count * n, -1) - seen @ unknown @ seen.T
 
 
 def _payloads(
-    means: ForceRows, left: tuple[FloatArray, FloatArray], onsets: NDArray[np.intp], rises_s: tuple[float, ...]
+    means: ForceRows,
+    inverse: FloatArray,
+    residual: FloatArray,
+    onsets: NDArray[np.intp],
+    rises_s: tuple[float, ...],
 ) -> _Fits:
-    """The fits of payloads of each size that rise from each onset within each time, to what is left of the means."""
+    """The fits of payloads of each size that rise from each onset within each time."""
     middle_s, since_s = means.time_s + 0.5 * DECISION_STEP_S, np.repeat(means.time_s[onsets], len(rises_s))[:, None]
     over_s = np.maximum(np.tile(rises_s, onsets.size), 0.5 * DECISION_STEP_S)[:, None]
     shares = np.clip((middle_s - since_s) / over_s, 0.0, 1.0)
     of_sizes = (shares[:, None] * np.array(PAYLOAD_SIZES)[:, None]).reshape(-1, means.size)
-    return _fits(means.columns[:, :, :PAYLOAD], *left, of_sizes)
+    return _fits(means.columns[:, :, :PAYLOAD], inverse, residual, of_sizes)
 
 
 def _means(rows: ForceRows) -> ForceRows:

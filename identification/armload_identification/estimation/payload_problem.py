@@ -130,12 +130,13 @@ def pair_problem(
         if window.middle.size:  # a short one may have none
             groups.append(_slow_group(slow, window, layout))
             differences.append((slow, window))
-    noise = _sampled_noise(effort_level(rows), differences, coupling)
+    level = effort_level(rows)
+    noise = _sampled_noise(level, differences, coupling)
     if arm is None:
         terms = arm_terms(rows, layout, {GAIN: np.full(chain.n, np.inf), TILT: np.full(2, LEVELLED_RAD)})
     else:
         terms = [*_known_arm(rows, chain, arm), session_friction(arm.friction_spread.ravel(), _TODAY)]
-    own = friction_change(effort_level(rows), layout.peak_rad_s, WITHIN_HOURS, Priors.within_hours_freedom)
+    own = friction_change(level, layout.peak_rad_s, WITHIN_HOURS, Priors.within_hours_freedom)
     problem = Problem([*terms, own], groups, noise, coupling, [] if arm is None else [arm.known])
     found = PayloadProblem(problem, layout, signal.loaded.interval_s)
     return found.with_gains(np.zeros((chain.n, chain.n))) if arm is None else found

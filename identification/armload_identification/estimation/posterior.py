@@ -248,8 +248,9 @@ class Posterior:
     @cached_property
     def weighted_rows(self) -> list[list[WeightedRows]]:
         """Weighted rows of every group; their unknowns are those that are not known exactly."""
-        noise, robust = (self.noise_nm, self.correlation), self.problem.noise.robust
-        return [list(state.weighted_rows(state.row_weights(*noise, robust=robust))) for state in self.groups]
+        robust = self.problem.noise.robust
+        weights = (state.row_weights(self.noise_nm, self.correlation, robust=robust) for state in self.groups)
+        return [list(state.weighted_rows(weight)) for state, weight in zip(self.groups, weights, strict=True)]
 
     def deviates(self, group: int) -> FloatArray:
         """(n,) RMS residual of a group relative to the noise of all.

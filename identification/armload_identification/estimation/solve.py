@@ -169,6 +169,8 @@ class _Solver:
 
     def _pool(self) -> None:
         """Update the factors on the standard deviations of pooled terms."""
+        if not self._factors:
+            return
         variance, shared = np.zeros_like(self._x), self._shared_free.size
         for state, covariance in zip(self._groups, self._covariances, strict=True):
             variance[self._shared_free] = np.diag(covariance)[:shared]

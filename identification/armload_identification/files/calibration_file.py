@@ -14,6 +14,7 @@ from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.estimation.arm_terms import TILT, places_of
 from armload_identification.files.covariance_table import require_covariance
 from armload_identification.files.provenance_table import ProvenanceTable, provenance_lines
+from armload_identification.float_array import FloatArray
 from armload_identification.identification_errors import CalibrationFileError, ModelError
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.regressor import PARAMETERS
@@ -117,6 +118,10 @@ class _CalibrationFile(Table):
     provenance: ProvenanceTable
 
     def __post_init__(self) -> None:
+        self._one_entry_per_joint()
+        self._makes_sense()
+
+    def _one_entry_per_joint(self) -> None:
         n = len(self.gains.gain)
         for name in ("gains", "friction", "fit"):
             table: Table = getattr(self, name)
@@ -130,6 +135,8 @@ class _CalibrationFile(Table):
         for index, run in enumerate(self.runs, 1):
             shapes = {"residual_rms_nm": (n,), "influence": (n,), "friction_changes": (3, n)}
             require_array_shapes(f"runs[{index}]", run, shapes)
+
+    def _makes_sense(self) -> None:
         if self.arm.effort not in tuple(Effort):
             raise BadValue("arm.effort", self.arm.effort, f"expected {' or '.join(Effort)}")
         if (self.fit.correlation_s <= 0.0).any():
@@ -147,6 +154,7 @@ def format_calibration(result: ArmCalibration) -> str:
     table = toml_text.table
     unit = "N m per A of motor current" if result.effort is Effort.CURRENT else "N m per N m that a drive reports"
     gains = {"gain": result.gain_nm_a, "half_width_95": result.gain_half_width_95, "nominal": result.nominal}
+    drift = dict(zip(_DRIFT, result.drift, strict=True))
     fit = {"residual_nm": result.noise_nm, "correlation_s": result.correlation_s, "effort_nm": result.level_nm}
     lines = [
         f"# Axis torque on the output side of the gear: {unit}. Residual and effort are in N m, with the nominal "
@@ -154,7 +162,7 @@ def format_calibration(result: ArmCalibration) -> str:
         *table("arm", _entries(_ArmTable, result)),
         *table("gains", gains),
         "# The drift is the standard deviation of friction between runs.",
-        *table("friction", _entries(_FrictionTable, result.body) | dict(zip(_DRIFT, result.drift, strict=True))),
+        *table("friction", _entries(_FrictionTable, result.body) | drift),
         "# Base parameters: together they give the arm's torque; single numbers are not the mass or inertia of a link.",
         "# Per link in its joint frame: m, m cx, m cy, m cz, Ixx, Iyy, Izz, Ixy, Ixz, Iyz about the origin.",
         *table("body", _entries(_BodyTable, result.body, result)),
@@ -253,8 +261,12 @@ def parse_calibration(content: str, source: str = "calibration") -> ArmCalibrati
         kinematics_sha256=tables.arm.kinematics_sha256,
         provenance=tables.provenance.provenance(),
     )
-    written, wanted = tables.gains.half_width_95, result.gain_half_width_95
+    _require_width(source, tables.gains.half_width_95, result.gain_half_width_95)
+    return result
+
+
+def _require_width(source: str, written: FloatArray, wanted: FloatArray) -> None:
+    """Raise if the intervals do not agree with the covariance."""
     if not np.allclose(written, wanted, rtol=_WIDTH_TOLERANCE, atol=0.0):
         instead = f"the value from [uncertainty], {wanted.round(6).tolist()}; calibrate again instead of editing"
         raise CalibrationFileError(source, "gains.half_width_95", written.tolist(), f"expected {instead}")
-    return result

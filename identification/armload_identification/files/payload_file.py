@@ -130,6 +130,13 @@ class _PayloadFile(Table):
     provenance: ProvenanceTable
 
     def __post_init__(self) -> None:
+        self._a_possible_body()
+        self._entries_where_determined()
+        self._same_as_model()
+        self._intervals_from_low_to_high()
+        require_shape("residual.noise_nm", self.residual.noise_nm, self.residual.rms_nm.shape)
+
+    def _a_possible_body(self) -> None:
         require_shape("model.center_of_mass_m", self.model.center_of_mass_m, (3,))
         margin = self.model.body().margin
         if margin < SMALLEST_MARGIN:
@@ -139,18 +146,6 @@ class _PayloadFile(Table):
                 f"expected a physically possible body: the margin of its pseudo-inertia is {margin:.3g}, at least "
                 f"{SMALLEST_MARGIN:g} is required",
             )
-        self._entries_where_determined()
-        for (key, value), expected in zip(self.payload.entries().items(), self.model.values(), strict=True):
-            if value is not None and abs(value - expected) > _MODEL_TOLERANCE * abs(expected):
-                raise BadValue(f"payload.{key}", value, f"expected the number in [model], {expected!r}")
-        sections = {"interval_95": self.interval_95, "known_range": self.known_range or _Entries[NumberList]()}
-        for section, table in sections.items():
-            for key, interval in table.entries().items():
-                if interval is not None:
-                    require_shape(f"{section}.{key}", interval, (2,))
-                    if interval[0] > interval[1]:
-                        raise BadValue(f"{section}.{key}", interval.tolist(), "expected [low, high]")
-        require_shape("residual.noise_nm", self.residual.noise_nm, self.residual.rms_nm.shape)
 
     def _entries_where_determined(self) -> None:
         flags = self.determined.entries()
@@ -165,6 +160,20 @@ class _PayloadFile(Table):
                 if value is not None and not flags[key]:
                     found = np.asarray(value).tolist()
                     raise BadValue(f"{section}.{key}", found, "expected no entry: it is false in [determined]")
+
+    def _same_as_model(self) -> None:
+        for (key, value), expected in zip(self.payload.entries().items(), self.model.values(), strict=True):
+            if value is not None and abs(value - expected) > _MODEL_TOLERANCE * abs(expected):
+                raise BadValue(f"payload.{key}", value, f"expected the number in [model], {expected!r}")
+
+    def _intervals_from_low_to_high(self) -> None:
+        sections = {"interval_95": self.interval_95, "known_range": self.known_range or _Entries[NumberList]()}
+        for section, table in sections.items():
+            for key, interval in table.entries().items():
+                if interval is not None:
+                    require_shape(f"{section}.{key}", interval, (2,))
+                    if interval[0] > interval[1]:
+                        raise BadValue(f"{section}.{key}", interval.tolist(), "expected [low, high]")
 
 
 def format_payload(result: PayloadResult) -> str:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import datetime
-from operator import itemgetter
 from pathlib import Path
 from typing import Final
 
@@ -68,23 +67,16 @@ def parse_run_table(text: str, source: str, folder: Path) -> tuple[TableRow, ...
         RunTableError: as `read_run_table`.
     """
     lines = parse_csv(text, source, _REQUIRED, _OPTIONAL, "one recording per line", RunTableError)
-    rows = tuple(_row(line, folder) for line in lines)
-    seen: set[Path] = set()
-    weighed: dict[str, float] = {}
-    for row in rows:
-        if row.recording in seen:
-            raise RunTableError(source, "recording", str(row.recording), "expected each recording once")
-        seen.add(row.recording)
-        if row.mass_kg is not None and weighed.setdefault(row.mounting, row.mass_kg) != row.mass_kg:
-            known_kg = weighed[row.mounting]
-            expected = f"expected {known_kg:g} as in another row; a different payload requires a different name"
-            raise RunTableError(source, f"mass_kg of mounting '{row.mounting}'", row.mass_kg, expected)
-    return rows
+    rows = [_row(line, folder) for line in lines]
+    _require_agreement(rows, source)
+    return tuple(rows)
 
 
 def _row(line: CsvLine, folder: Path) -> TableRow:
     """One line."""
-    recording, mounting, payload, recorded = itemgetter("recording", "mounting", "payload", "recorded")(line.text)
+    recording, mounting, payload, recorded = (
+        line.text[key] for key in ("recording", "mounting", "payload", "recorded")
+    )
     mass_kg = line.positive("mass_kg")
     if not recording:
         raise line.refused("recording", "expected the path of a recording")
@@ -96,3 +88,17 @@ def _row(line: CsvLine, folder: Path) -> TableRow:
         expected = "expected a date, or date and time, such as 2026-03-01T08:30, or nothing"
         raise line.refused("recorded", expected) from None
     return TableRow(folder / recording, mounting, mass_kg, folder / payload if payload else None, recorded)
+
+
+def _require_agreement(rows: list[TableRow], source: str) -> None:
+    """Raise unless each recording occurs once and each mounting has one mass."""
+    seen: set[Path] = set()
+    weighed: dict[str, float] = {}
+    for row in rows:
+        if row.recording in seen:
+            raise RunTableError(source, "recording", str(row.recording), "expected each recording once")
+        seen.add(row.recording)
+        if row.mass_kg is not None and weighed.setdefault(row.mounting, row.mass_kg) != row.mass_kg:
+            known_kg = weighed[row.mounting]
+            expected = f"expected {known_kg:g} as in another row; a different payload requires a different name"
+            raise RunTableError(source, f"mass_kg of mounting '{row.mounting}'", row.mass_kg, expected)

@@ -49,18 +49,18 @@ def notes_on(
         body: The body fitted to the unloaded run, or None.
     """
     return [
-        *([] if body is None else _on_arm(found.signal, body)),
+        *_on_arm(found.signal, body),
         *misfit_notes(found),
         *_on_recordings(found.sources),
         *_on_interruptions(found.signal),
         *_on_times(found),
         *_on_paths(found.signal),
         *_on_nominal_gains(gains, found),
-        *([] if found.gains is None else _on_contradictions(found.gains)),
+        *_on_contradictions(found.gains),
         *_on_signal(found.signal, found.struck),
         *_on_result(found),
         *_on_blows(found.signal.loaded, found.struck),
-        *([] if arm is None else _on_calibrated_arm(found.plain, arm)),
+        *_on_calibrated_arm(found.plain, arm),
     ]
 
 
@@ -201,8 +201,10 @@ def _on_nominal_gains(gains: Gains, found: Identification) -> Iterator[str]:
         )
 
 
-def _on_contradictions(gains: GainFit) -> Iterator[str]:
+def _on_contradictions(gains: GainFit | None) -> Iterator[str]:
     """Gains that the data contradict, each with its error, and gains that cannot be checked."""
+    if gains is None:
+        return
     named = gains.contradicted | gains.possible
     if gains.disagree:
         one = (
@@ -286,8 +288,10 @@ def _on_blows(run: Motion, struck: NDArray[np.bool_]) -> Iterator[str]:
         )
 
 
-def _on_calibrated_arm(plain: PayloadEstimate, arm: KnownArm) -> Iterator[str]:
+def _on_calibrated_arm(plain: PayloadEstimate, arm: KnownArm | None) -> Iterator[str]:
     """Friction far outside its variation in the calibration, and joints that fit far worse than there."""
+    if arm is None:
+        return
     run = plain.runs - 1
     change, covariance = plain.friction(run)[:2], plain.friction_covariance(run)
     yield from friction_notes(standard_deviations(change, covariance, arm.drift[:2]))
@@ -309,8 +313,10 @@ def _noisier_joints(plain: PayloadEstimate, arm: KnownArm) -> NDArray[np.bool_]:
     return np.asarray(plain.noise_nm > ArmFit.noisier * arm.noise_nm)
 
 
-def _on_arm(signal: LoadSignal, arm: BodyFit) -> Iterator[str]:
+def _on_arm(signal: LoadSignal, arm: BodyFit | None) -> Iterator[str]:
     """Joints of the unloaded run whose torque is not explained by the arm's links and positive friction."""
+    if arm is None:
+        return
     strange = strange_joints(signal, arm, PayloadFit.loud, ArmFit.driven_share_noted)
     if strange.any():
         yield (

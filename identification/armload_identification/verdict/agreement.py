@@ -115,7 +115,8 @@ class LengthNeeded:
 def compare_known(judged: KnownMassCenter, measured: KnownMassCenter, tolerance: Tolerance) -> Agreement:
     """Outcome and statistics of a payload judged by an independent measurement of it."""
     difference = (measured.parameters.values - judged.parameters.values)[:4]
-    covariance, freedom = _difference_covariance(judged, measured)
+    gains = _held(judged.covariance, measured.covariance)
+    covariance, freedom = _difference_covariance(judged.covariance, measured.covariance, gains)
     free = _denominator_freedom(freedom)
     square = float(difference @ np.linalg.solve(covariance, difference))
     statistic = square / _SIZE * free / (free + _SIZE - 1.0)
@@ -151,34 +152,34 @@ def length_needed(judged: KnownMassCenter, measured: KnownMassCenter, tolerance:
     from scipy.optimize import brentq
 
     tolerance_kg = tolerance.mass_share * judged.parameters.mass_kg
+    gains = _held(judged.covariance, measured.covariance)
 
-    def excess(log_factor: float, *, gains: bool = True) -> float:
+    def excess(log_factor: float, of_gains: FloatArray) -> float:
         """Relative excess over its tolerance of the worse of the two noticeable errors."""
         longer = float(np.exp(log_factor))
-        kg, m, _ = _noticeable_errors(*_difference_covariance(judged, measured, longer, gains=gains))
+        kg, m, _ = _noticeable_errors(*_difference_covariance(judged.covariance, measured.covariance, of_gains, longer))
         return float(max(kg / tolerance_kg, m / tolerance.center_m) - 1.0)
 
     longest = float(np.log(AgreementLevels.longest_factor))
-    if excess(0.0) <= 0.0:
+    if excess(0.0, gains) <= 0.0:
         return LengthNeeded(1.0, gains_limit=False)
-    if excess(longest) > 0.0:
-        return LengthNeeded(float("inf"), gains_limit=excess(longest, gains=False) <= 0.0)
-    return LengthNeeded(float(np.exp(brentq(excess, 0.0, longest))), gains_limit=False)
+    if excess(longest, gains) > 0.0:
+        return LengthNeeded(float("inf"), gains_limit=excess(longest, np.zeros_like(gains)) <= 0.0)
+    log_factor = brentq(excess, 0.0, longest, args=(gains,))
+    return LengthNeeded(float(np.exp(log_factor)), gains_limit=False)
+
+
+def _held(one: MassCenterCovariance, other: MassCenterCovariance) -> FloatArray:
+    """(4, 4) the share of gains and calibration in the covariance of the difference."""
+    return np.asarray(one.minus(other).total - one.measured - other.measured)
 
 
 def _difference_covariance(
-    judged: KnownMassCenter, measured: KnownMassCenter, longer: float = 1.0, *, gains: bool = True
+    one: MassCenterCovariance, other: MassCenterCovariance, of_gains: FloatArray, longer: float = 1.0
 ) -> tuple[FloatArray, float]:
-    """(4, 4) covariance of the difference and its degrees of freedom.
-
-    Args:
-        longer: For runs so many times as long.
-        gains: Whether to count the share of gains and calibration.
-    """
-    one, other = judged.covariance, measured.covariance
-    held = one.minus(other).total - one.measured - other.measured if gains else 0.0
+    """Covariance of the difference and its degrees of freedom for runs `longer` times as long."""
     parts = [(known.measured / longer, known.freedom * longer) for known in (one, other)]
-    total = parts[0][0] + parts[1][0] + held + np.diag(FLOOR**2)
+    total = parts[0][0] + parts[1][0] + of_gains + np.diag(FLOOR**2)
     scatter = 0.0
     for part, freedom in parts:
         share = np.linalg.solve(total, part)

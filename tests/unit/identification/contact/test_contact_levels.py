@@ -124,7 +124,7 @@ def test_a_payload_rises_at_once_or_within_0_2_or_0_4_s_from_each_onset(monkeypa
     seen = []
     monkeypatch.setattr(f"{ROOM}.load_or_push._fits", lambda columns, *rest: seen.append((columns.shape, rest[-1])))
     means = rows_at([3.0, 3.1, 3.2, 3.3, 3.4])
-    _payloads(means, (np.zeros(0), np.zeros(0)), np.array([0, 3]), (0.0, 0.2, 0.4))
+    _payloads(means, np.zeros(0), np.zeros(0), np.array([0, 3]), (0.0, 0.2, 0.4))
     ((shape, shares),) = seen
     assert shape == (5, N, 10)
     rises = [[1, 1, 1, 1, 1], [0.25, 0.75, 1, 1, 1], [0.125, 0.375, 0.625, 0.875, 1]]
@@ -140,7 +140,7 @@ def explanations(monkeypatch):
     def explanations(payload, push, carried=0.0):
         seen = SimpleNamespace(rises=None, shares=None, columns=None)
 
-        def payloads(means, _, onsets, rises):
+        def payloads(means, _, __, onsets, rises):
             seen.means, seen.onsets, seen.rises = means, onsets, rises
             return payload
 
@@ -206,7 +206,7 @@ def test_no_more_is_dropped_than_was_carried_but_for_3_deviations_and_5_percent(
 def test_a_look_seeks_an_onset_in_2_3_s_but_not_in_the_two_newest_means(monkeypatch, count, onsets):
     seen = []
 
-    def payloads(means, _, onsets, rises):
+    def payloads(means, _, __, onsets, rises):
         seen.append((onsets.size, rises))
         return fit_of(3.0, 0, [0.0])
 

@@ -13,7 +13,7 @@ from armload_identification.verdict.agreement import (
     KnownMassCenter,
     LengthNeeded,
     Outcome,
-    _difference_covariance,
+    _held,
     compare_known,
     length_needed,
 )
@@ -156,7 +156,7 @@ def by_gains(values, gain, slope, correlation=0.0):
 
 def held(one, other):
     """(4, 4) what the gains add to the covariance of a difference."""
-    return _difference_covariance(one, other)[0] - _difference_covariance(one, other, gains=False)[0]
+    return _held(one.covariance, other.covariance)
 
 
 def test_gains_in_common_count_by_what_they_do_differently():

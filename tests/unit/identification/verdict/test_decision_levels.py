@@ -109,7 +109,7 @@ def test_f_has_the_freedom_of_both_less_three_and_at_least_two(freedom, critical
     """Two equal covariances have twice the freedom of one: F of 4 and 2, 2, 4 and 10 - by a table at 1 %."""
     one = known(1e6, freedom)
     found = compare_known(one, one, Tolerance(0.9, 0.9))
-    both = _difference_covariance(one, one)
+    both = _difference_covariance(one.covariance, one.covariance, np.zeros((4, 4)))
     assert both[1] == pytest.approx(2.0 * freedom, rel=1e-4)
     assert found.critical == pytest.approx(critical, rel=1e-3)
 
